@@ -1,5 +1,4 @@
-"""Measures how much each mechanism of policy and learner helps, by switching it off in every
-world."""
+"""Measures how much each mechanism of policy and learner helps, by changing it in every world."""
 
 from __future__ import annotations
 

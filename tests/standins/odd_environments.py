@@ -103,7 +103,7 @@ ACTIONS: dict[str, Callable[[], Any]] = {
 UNDRIVABLE: dict[str, tuple[Callable[[], Any], str]] = {
     "one move": (lambda: spaces.Discrete(1), "at least two moves"),
     "a million": (lambda: spaces.Discrete(10**6), "1000000 moves, but a model has at most 32"),
-    "words": (lambda: spaces.Text(5), "only send numbers, not a Text"),
+    "words": (lambda: spaces.Text(5), "send only numbers, not a Text"),
     "a picture": (lambda: spaces.Box(0, 255, (64, 64, 3), np.uint8), "12288 numbers"),
     "a hand": (lambda: spaces.Box(-1.0, 1.0, (24,)), "49 moves"),
 }

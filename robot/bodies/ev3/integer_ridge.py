@@ -3,8 +3,8 @@
 Source: Zakharov, White and Liu, "Low-complexity RLS algorithms using dichotomous coordinate descent
 iterations" (IEEE Transactions on Signal Processing, 2008). Each frame is added to the normal
 equations. A few steps of coordinate descent then improve the approximate solution. This module
-differs from the paper in one point: each step sets one weight to the value that minimises the
-error, rounded to a whole number.
+differs from the paper in one point: each step sets one weight to the value with the least error,
+rounded to a whole number.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _SHIFT = 2
 of two values twelve bits."""
 _TOP = 63
 _FULL = 1 << 30
-"""Upper bound of a sum of products. When a sum reaches this bound, after seven hours of teaching at
+"""Upper bound of a sum of products. When a sum reaches it, which takes seven hours of teaching at
 ten frames a second, all sums are halved."""
 _MOST_HALVINGS = 62
 _PENALTY = 3 * _TOP**2
@@ -43,8 +43,8 @@ MB."""
 class IntegerRidge(LinearPart):
     """A linear score per label, from the first `n_features` values of a vector of bytes.
 
-    The weights approach the solution of `RecursiveRidge` by a few steps after each frame. Every
-    operation is exact in whole numbers, so all machines agree bit for bit and errors do not
+    After each frame, a few steps bring the weights closer to the solution of `RecursiveRidge`. All
+    operations are exact in whole numbers, so all machines agree bit for bit, and errors do not
     accumulate: `residual` always equals `moments - weights @ products`. For inputs z, `products` is
     the sum of z z' (with the penalty on the diagonal), and `moments` the sum of targets times z.
 
@@ -145,8 +145,8 @@ class IntegerRidge(LinearPart):
         return z
 
     def _mean_input(self, x: Vector) -> Floats:
-        """Return the inputs of the mean of several frames' vectors, not rounded, because the mean
-        consists of fractions."""
+        """Return the inputs for the mean of several frames' vectors. They are not rounded, because
+        the mean consists of fractions."""
         return np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
 
     def faults(self) -> Iterator[str]:

@@ -26,9 +26,9 @@ SILENCE_S = 0.4
 """Time without a report after which a brick counts as silent, in seconds. A brick sends ten reports
 a second. Each move ends by itself after at most this time."""
 GONE_S = PATIENCE_S + 1.0
-"""Time without a report after which a new connection to the brick is made, in seconds. A brick
-opens its motors and sensors in less time than this. On the old connection TCP would retry only once
-a minute after a minute of silence."""
+"""Time without a report after which a new connection to the brick is made, in seconds. It is longer
+than a brick needs to open its motors and sensors. A new connection is faster than the old one, on
+which TCP retries only once a minute after a minute of silence."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
@@ -86,7 +86,7 @@ class BrickLink:
         """The connection's fault, as a sentence; None if the brick answers."""
         if self._lost is None and self.clock.now_s() - self._received_s > SILENCE_S:
             return (
-                f"the brick at {self.address} does not answer; is it switched on, and in this "
+                f"the brick at {self.address} does not answer; is it switched on, and in the same "
                 "network?"
             )
         return self._lost
@@ -105,7 +105,7 @@ class BrickLink:
         """
         if self._thread is None:
             if not self.address:
-                raise DriveError("no brick was named; choose yours with --brick ADDRESS")
+                raise DriveError("the brick's address is missing; give it with --brick ADDRESS")
             self._connection = self._join()
             self._answers.clear()
             self._ending.clear()
@@ -139,8 +139,8 @@ class BrickLink:
             raise DriveError(self._lost_sentence(error)) from error
 
     def answer(self, name: str) -> Any:
-        """Wait for the answer to the last question; raises DriveError if the agent reports a
-        failure or does not answer."""
+        """Wait for the agent's answer to the last command; raises DriveError if the agent reports
+        a failure or does not answer."""
         deadline_s = self.clock.now_s() + PATIENCE_S
         while True:
             if not self._answers:
@@ -210,8 +210,8 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            # After a reconnection, the body could not be opened again. No caller waits for this
-            # failure, so connect once more, which opens the body again.
+            # The body could not be opened after a reconnection. No caller waits for this failure,
+            # so raise an error: the next connection tries to open the body again.
             if self._opens_again and "failed" in message:
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message

@@ -25,7 +25,7 @@ class RemoteBody:
         return [float(dps) for dps in self._link.answer("opened")["top_speeds_dps"]]
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
-        """Turn the wheels for at most `time_ms`. The brick refuses an order that arrives late.
+        """Turn the wheels for at most `time_ms`. The brick drops an order that arrives late.
         Raises DriveError if the connection is lost or the brick is silent; then the brick stops by
         itself."""
         after_s, fault = self._link.report.get("t"), self._link.fault

@@ -46,8 +46,8 @@ def userland_stamp(release: str) -> str:
 
 
 def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "") -> None:
-    """Unpack the packages into `folder` without running their programs, so this works on any
-    processor.
+    """Unpack the packages into `folder`. None of their programs is run, so any processor can be
+    used.
 
     Building takes about ten seconds with a nearby mirror. The unpacked system has 80 MB.
 
@@ -98,8 +98,8 @@ def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "
 
 
 def _choose_alternatives(folder: Path) -> None:
-    """Do the work of the packages' scripts, which did not run, because packages were only
-    unpacked."""
+    """Make the links that the packages' scripts would make. The scripts did not run, because the
+    packages were only unpacked."""
     for name in ("bin", "sbin", "lib"):  # since Debian trixie these folders are links into /usr
         if not (folder / name).exists():
             (folder / name).symlink_to(f"usr/{name}")
@@ -113,7 +113,7 @@ def precompile(root: Path, folders: tuple[str, ...], release: str = DEFAULT_RELE
     """Compile the Python files in a brick's root file system in advance, without docstrings, as
     `python -OO` does on the brick.
 
-    Compiling at each start would take minutes on a brick, and cost 6 MB of memory that the process
+    On a brick, compiling at each start would take minutes, and 6 MB of memory that the process
     would never free. `folders` are glob patterns below `root`. Returns False if this machine has no
     Python of the brick's version; then the brick must compile the files.
     """

@@ -1,4 +1,4 @@
-"""Shell scripts for a brick, as texts: start the agent, keep it running, install the server.
+"""Shell scripts for a brick, as strings: start the agent, keep it running, install the server.
 
 The scripts can be run twice, and leave the old version in place until the new one is complete.
 """
@@ -35,7 +35,7 @@ script then starts the agent."""
 
 KEEP_SCRIPT = """\
 #!/bin/sh
-# Starts the agent, and restarts it when it ends; not after status 2, which needs a person.
+# Starts the agent, and restarts it when it ends, except after status 2, which a person must fix.
 cd "$(dirname "$0")" || exit 2
 echo $$ >agent.pid.new && mv -f agent.pid.new agent.pid  # atomic: nobody reads half a file
 trap 'kill $agent 2>/dev/null; exit 0' TERM INT
@@ -47,14 +47,14 @@ while :; do
   status=$?
   [ $status = 2 ] && exit 2
   [ "$(wc -c <agent.log)" -lt 200000 ] || : >agent.log
-  echo "the agent ended with status $status; it is started again" >>agent.log
+  echo "the agent ended with status $status; restarting it" >>agent.log
   sleep 1
 done
 """
 
 AUTOSTART_SCRIPT = """\
 #!/bin/sh
-# Makes the brick start the agent by itself; as root.
+# Makes the brick start the agent at each boot. Run it as root.
 set -eu
 [ "$(id -u)" = 0 ] || { echo 'run this as root: sudo sh drivelesson/autostart' >&2; exit 1; }
 folder=$(cd "$(dirname "$0")" && pwd)
@@ -81,7 +81,7 @@ systemctl daemon-reload
 systemctl disable --now drivelesson 2>/dev/null || true
 systemctl enable drivelesson-agent
 systemctl restart drivelesson-agent
-echo 'the brick now starts the agent by itself'
+echo 'the brick will start the agent at each boot'
 """
 
 START_SCRIPT = """\
@@ -111,7 +111,7 @@ ENVIRONMENT = {
     "PATH": "/usr/bin:/bin",
 }
 """The environment variables of the server on a brick. The two malloc settings save memory. By
-default, the C library keeps free memory for each thread in an arena; one arena is enough, because
+default, the C library has several arenas of free memory for threads; one is enough, because
 Python's threads take turns. If the mmap threshold is fixed, the learner's snapshots leave no gaps
 in the heap."""
 _ENV = " \\\n  ".join(f"{name}={value}" for name, value in ENVIRONMENT.items())
@@ -180,5 +180,5 @@ systemctl enable drivelesson
 systemctl restart drivelesson
 echo 'installed; the page is there when the brick no longer says "starting"'
 """
-"""Script that receives a tar with everything that the server needs, and installs it: the program,
+"""Script that reads a tar archive with everything that the server needs, and installs it: program,
 `start`, the systemd unit and, if it has changed, the Debian root file system."""

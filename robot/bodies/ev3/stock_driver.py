@@ -25,9 +25,8 @@ _SENSOR_PORTS = {f"in{place + 1}": place for place in range(4)}
 class StockBody:
     """A brick as a `ChassisBody`: two motors, and the sensors that are plugged in.
 
-    A message is sent only after the previous message's answer, so at most one order can be on its
-    way when a connection stalls. If the connection delivers that order late, the robot moves for at
-    most 0.4 s.
+    A message is sent only after the answer to the previous one, so at most one order is on its way
+    when a connection stalls. If that order is delivered late, the robot moves for at most 0.4 s.
     """
 
     def __init__(self, open_line: Callable[[], BrickLine], ports: Mapping[str, str]) -> None:
@@ -178,7 +177,7 @@ class Ev3StockDriver(ChassisDriver):
     def __init__(self, options: Ev3StockOptions, clock: Clock | None = None) -> None:
         super().__init__(options, clock)
         self._serial = options.brick
-        """The brick's serial number, so that no other brick is driven after a lost connection."""
+        """The brick's serial number. After a lost connection, no other brick is driven."""
 
     @property
     def device(self) -> str:

@@ -125,8 +125,8 @@ class GpioDriver(ReportingDriver):
     def settings(self) -> dict[str, Any]:
         """Return the settings for the process that owns the pins, including corrections."""
         left, right = self.correction.signs
-        # A car has only one motor, which is reversed if either side is. `--servo-ends` reverses the
-        # servo that steers.
+        # A car has only one motor, which is reversed if the left or right side is reversed.
+        # `--servo-ends` reverses the steering servo.
         signs = (min(left, right), 1.0) if self.options.is_car else (left, right)
         return {**self.options.settings(), "signs": signs}
 

@@ -2,9 +2,8 @@
 
 `python -m robot.bodies.gpio.keeper JSON` reads orders from the socket that is its standard input,
 and answers each order with a report on this socket. If the program that set a pin is killed or
-hangs, the pin keeps its level. So the process that owns the pins does nothing else: no camera, no
-learner, no network. The parent process only waits, and starts a replacement if the process with the
-pins is killed.
+hangs, the pin keeps its level. The process that owns the pins therefore does nothing else: no
+camera, no learner, no network. Its parent process only waits, and replaces it if it is killed.
 """
 
 from __future__ import annotations
@@ -87,12 +86,11 @@ def _kill(pid: int, *_: object) -> None:
 
 
 def outlive(work: Callable[[], None]) -> None:
-    """Run the work in a child process; replace each child that is killed, until a child ends by
+    """Run the work in a child process. Replace each child that is killed, until a child ends by
     itself.
 
     SIGUSR1 kills a child that hangs. The next child claims the pins within milliseconds, and stops
-    the motors. To start the whole program anew would take seconds, and the motors would keep
-    running meanwhile.
+    the motors. If the whole program had to be restarted, the motors would run for seconds more.
     """
     while child := os.fork():
         signal.signal(signal.SIGUSR1, partial(_kill, child))

@@ -13,7 +13,7 @@ from robot.bodies.gpio.keeper import FAILED, READY
 from robot.clock import Clock
 
 START_S = 30.0
-"""Time limit for a keeper to start, in seconds: Python's imports take long on a small Raspberry
+"""Time limit for a keeper to start, in seconds. Python's imports are slow on a small Raspberry
 Pi."""
 HANGS_S = 0.3
 """Time without an answer after which a keeper is killed, in seconds. Its replacement stops the
@@ -50,7 +50,7 @@ class KeeperLine:
         if self._waits_s is None:
             self._waits_s = now_s
         if self._next(0.0) is not None:
-            self._waits_s = now_s  # an answer to an earlier request: the wait begins again
+            self._waits_s = now_s  # this is an answer to an earlier order, so wait again
         silent_s = now_s - self._waits_s
         if self._has_ended or silent_s > START_S:
             self._trouble = self._trouble or "it ended, and is being restarted"

@@ -1,4 +1,4 @@
-"""Finds names for an environment's actions, which Gymnasium only numbers.
+"""Finds names for an environment's actions, because Gymnasium only numbers them.
 
 No standard says where the names are. Atari and NES have a method `get_action_meanings()`. MiniGrid
 and MiniWorld have an enumeration `actions`. highway-env has a dictionary in `action_type`, and
@@ -66,8 +66,8 @@ def _find(owner: Any, path: str) -> Any:
 
 
 def _read(kept: Any, first: int, n: int) -> dict[int, str]:
-    """Return the names in an enumeration, a list, or a mapping in either direction; no names if the
-    value is something else."""
+    """Return the names in an enumeration, in a list, or in a mapping from or to names. Return no
+    names if the value is something else."""
     members = getattr(kept, "__members__", None)
     if isinstance(members, Mapping):
         kept = {name: getattr(member, "value", member) for name, member in members.items()}

@@ -1,8 +1,8 @@
 """Converts any action space to a list of numbers, and the numbers to moves.
 
 An action of a nested space is the list of all its numbers, in the order of the space's parts. A
-table of moves uses the same order. Without a table, each named action of the environment is a move;
-if there are no names, each move changes one number.
+table of moves uses the same order. Without a table, each choice of a `Discrete` space is a move; in
+other spaces, each move changes one number.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _CAR_RACING = (
 )
 """Tables for the continuous and the discrete form of CarRacing, whose moves have no names."""
 _SIDES = {"left": -1.0, "right": 1.0}
-"""Words that the name of a move may contain, with the steering that they mean. The page shows a
-move on the side to which it steers."""
+"""Maps words in the name of a move to the move's steering. The page shows a move on the side to
+which it steers."""
 _STANDING = ("noop", "no_op", "idle", "rest", "coast", "nothing", "do_nothing", "stop", "wait")
 _BACK = ("back", "down", "brake", "slower", "reverse")
 
@@ -51,13 +51,13 @@ class Number:
 
     @property
     def rest(self) -> float:
-        """Return the allowed value nearest to 0. The robot stands still, as far as possible, if
-        each number has this value."""
+        """The allowed value nearest to 0. If each number has this value, the robot stands still,
+        or nearly so."""
         return min(max(0.0, self.least), self.most)
 
     @property
     def others(self) -> list[tuple[str, float]]:
-        """Return the moves that change this number, each as its name and the number's new value."""
+        """The moves that change this number, each as its name and the number's new value."""
         if self.is_whole and (self.least, self.most) == (0.0, 1.0):
             return [(self.name, 1.0)]
         if self.is_whole and self.most - self.least <= _MOST_MOVES:
@@ -98,8 +98,8 @@ class ActionForm:
 
     @property
     def n_choices(self) -> int:
-        """Return how many numbered actions there are; 0 if an action is not one choice among
-        them."""
+        """The number of actions to choose from; 0 unless an action is one choice among numbered
+        actions."""
         number = self.numbers[0]
         return int(number.most - number.least) + 1 if self.is_one_choice else 0
 
@@ -117,7 +117,7 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
 
     `table` is the table of moves that a person gave, for example `left=-0.6,0,0; right=0.6,0,0`. If
     `table` is empty, each choice of a `Discrete` action space is a move. In other action spaces,
-    each move changes one number and leaves the others at rest.
+    each move changes one number and leaves the others at their `rest` value.
 
     Raises:
         ConfigurationError: If the table cannot be read, if it does not fit the environment's
@@ -207,7 +207,7 @@ def _numbers_in(space: Any, name: str, whose: str) -> Iterator[Number]:
         least, most = space.low, space.high
     else:
         raise ConfigurationError(
-            f"the actions of {whose} are {str(space)[:200]}: this robot can only send numbers, not "
+            f"the actions of {whose} are {str(space)[:200]}; this robot can send only numbers, not "
             f"a {kind}"
         )
     if np.size(least) > _MOST_NUMBERS:

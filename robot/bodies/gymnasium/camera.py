@@ -31,9 +31,9 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
     """Takes pictures of the environment.
 
     The environment waits for the loop: the next step comes only after the loop has acted on the
-    previous picture. So the environment runs slower on a slow computer, but the loop misses no
+    previous picture. On a slow computer the environment runs slower, but the loop misses no
     picture. After each picture, the environment's time (`world_s`) advances with real time for at
-    most one period, and then stands still until the next picture.
+    most one period, and then stops until the next picture.
     """
 
     name: ClassVar[str] = "gymnasium"

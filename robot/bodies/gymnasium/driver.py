@@ -71,8 +71,8 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         self._action: Any = None
         self._left_s = self._over_s = 0.0
         self.acted = threading.Event()
-        """`send_action` sets this event. The event tells the camera that the loop has acted on the
-        last picture, so that the environment can make its next step."""
+        """Set when the loop has acted on the last picture. The camera waits for this event before
+        the environment makes its next step."""
 
     def _make(self) -> Environment:
         chosen = self.options
@@ -129,7 +129,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         """Close the environment; the next `advance` or `picture` opens it again."""
         environment, self._environment = self._environment, None
         if environment is not None:
-            with contextlib.suppress(Exception):  # the environment's errors do no harm here
+            with contextlib.suppress(Exception):  # errors of a closing environment are harmless
                 environment.close()
 
     def _opened(self) -> Environment:

@@ -30,7 +30,7 @@ has smaller observations, the rendering is shown instead."""
 _RENDER_MODES = ("rgb_array", "rgb_array_list", None)
 """The render modes to try, in this order; None stands for an environment without a render mode."""
 _LARGEST_REWARD = 1e12
-"""Largest magnitude of rewards and scores; larger ones, also infinite ones, are cut to it."""
+"""Largest magnitude of rewards and scores. Larger and infinite values are reduced to it."""
 
 
 def read_options(text: str) -> dict[str, Any]:
@@ -49,8 +49,8 @@ def read_options(text: str) -> dict[str, Any]:
 
 
 def render_without_a_screen() -> None:
-    """If there is no screen, set the environment variables that make libraries draw in memory.
-    Variables that a person has set are kept. On macOS and Windows there is always a screen."""
+    """If there is no screen, set environment variables so that libraries draw in memory. Variables
+    that the user has set are kept. On macOS and Windows there is always a screen."""
     if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         return
     gl = "osmesa" if find_library("OSMesa") and not find_library("EGL") else "egl"
@@ -112,8 +112,8 @@ class Environment:
     """A Gymnasium environment with its current `game`. Its time passes only in `step`.
 
     Args:
-        picture: `observed`, `rendered`, or `auto`, which means the observation if it is at least
-            160x120.
+        picture: `observed`, `rendered`, or `auto`: the observation if it has at least 160x120
+            pixels, and else the rendering.
         seed: The first game's seed; each further game gets the next number, if the environment
             accepts seeds.
     """
@@ -194,8 +194,7 @@ class Environment:
         return self.env.reset()
 
     def _rendered(self) -> Pixels | None:
-        """Return the rendered picture. If the environment cannot render, return None from then
-        on."""
+        """Return the rendered picture. After a failure, always return None."""
         if self._render_failure:
             return None
         try:

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 Pixels = NDArray[np.uint8]
 _LEAST_PX = 16
-"""Minimum width and height of a picture, in pixels. Smaller arrays are boards or tables of a
-game."""
+"""Minimum width and height of a picture, in pixels. A smaller array is a game's board or table."""
 _MOST_PX = 1920
 """Maximum width and height of a picture, in pixels. Larger pictures are reduced to every n-th
 pixel."""
@@ -28,8 +27,8 @@ _LARGEST = 65535.0
 """Largest number that may stand for white. An observation space with a larger upper bound is
 treated as unbounded."""
 _MADE_OF_IT = re.compile(r"mask|depth|segment|semantic|label|map|flow|normals|heat", re.I)
-"""Names of parts of an observation that are computed from a picture, and are no pictures for
-people."""
+"""Names of parts of an observation that are computed from a picture, and that a person does not
+want to see."""
 _PICTURE = re.compile(r"rgb|image|img|pixel|screen|camera|visual|frame", re.I)
 
 

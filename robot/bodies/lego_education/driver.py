@@ -29,12 +29,12 @@ _NOTE_EVERY_MS = 100
 FULL_PERCENT = 100
 """Acceleration and deceleration, in percent. A motor that brakes gently would stop too late."""
 TURN_STEERING = 50
-"""Steering of the moves `left` and `right`, which turn about the inner wheel. With 100 the robot
-would spin."""
+"""Steering of the moves `left` and `right`: the robot turns about the inner wheel. With a steering
+of 100 it would spin."""
 _ADDRESS = re.compile(
     r"(?:[\dA-F]{2}:){5}[\dA-F]{2}|[\dA-F]{8}(?:-[\dA-F]{4}){3}-[\dA-F]{12}", re.I
 )
-"""A Bluetooth address; macOS shows programs a UUID in its place."""
+"""A Bluetooth address, or the UUID that macOS gives programs instead of the address."""
 _DIRECTIONS = {
     Action.FORWARD: "MOVEMENT_DIRECTION_FORWARD",
     Action.LEFT: "MOVEMENT_DIRECTION_LEFT",
@@ -89,10 +89,10 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         # Older versions of the library give no addresses, so motors of the same name look alike.
         if nameless and len(found) < len(searched):
             raise DriveError(
-                f"which double motor? Several in range are called {nameless[0]}; give each a name "
-                "of its own, or install a newer version of LEGO's library, which shows addresses"
+                f"several double motors in range are called {nameless[0]}; give each a name of its "
+                "own, or install a newer version of LEGO's library, which shows addresses"
             )
-        with told_as(DriveError, "which double motor?", ConnectionError):
+        with told_as(DriveError, "it is unclear which double motor to drive", ConnectionError):
             chosen = self._same.pick(found)
         if chosen is None:
             raise DriveError(f"the double motor {self._same.name_absent(found)}")
@@ -131,7 +131,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         with told_as(DriveError, "the double motor cannot be used", Exception):
             motor.connect(self._found, device_notification_delay=_NOTE_EVERY_MS)
         if not motor.connected:
-            raise DriveError("the double motor does not connect; switch it off and on again")
+            raise DriveError("cannot connect to the double motor; switch it off and on again")
         self._set_up(motor)
         self._heard_s = self._clock.now_s()
 

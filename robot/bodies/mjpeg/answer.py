@@ -1,7 +1,7 @@
 """Reads a camera's HTTP response: the head, then pictures.
 
-Cameras differ in the bytes between their pictures: boundaries, line ends, blank lines, wrong
-lengths. JPEG and PNG contain markers of their start and end, and only these markers are trusted.
+Cameras send different bytes between their pictures: boundaries, line ends, blank lines, wrong
+lengths. Only the markers at the start and end of a JPEG or PNG are therefore trusted.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ to an incomplete header."""
 
 
 class Answer(HTTPResponse):
-    """A camera's response, which may lack a status line or a head. The header Content-Length is
+    """A camera's response, which may have no status line, or no head. The header Content-Length is
     ignored.
 
     If a camera announces chunks but sends data without the lengths of chunks, the data is passed on
@@ -53,7 +53,7 @@ class Answer(HTTPResponse):
                 raise
             self._is_silent = True
         if not head.strip():
-            raise ConnectionError("the camera closed the connection without an answer")
+            raise ConnectionError("it closed the connection without an answer")
         picture = _START.search(head)
         end = picture.start() if picture else len(head)
         if head.lstrip().startswith(b"--"):  # without a head, the pictures begin immediately
@@ -133,7 +133,7 @@ class PictureFinder:
         return found
 
     def explain(self) -> str | None:
-        """Return the reason why no pictures come, for an error message; None if pictures come."""
+        """Return the reason why no pictures arrive, for an error message; None if they arrive."""
         if self.n_whole:
             return None
         if self._n_cut:

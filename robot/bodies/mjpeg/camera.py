@@ -98,7 +98,7 @@ class MjpegCamera(WatchedCamera):
     def _take(self, data: bytes, captured_s: float) -> None:
         try:
             is_jpeg = data.startswith(_JPEG)
-            picture = read_jpeg(data) if is_jpeg else read_picture(data, "what it sends")
+            picture = read_jpeg(data) if is_jpeg else read_picture(data, "its picture")
             if is_jpeg:
                 check_kind(data)
         except RecordingError as error:
@@ -139,7 +139,7 @@ class MjpegCamera(WatchedCamera):
 def _ended(n_pictures: int) -> str:
     if n_pictures == 1:
         return (
-            "it closes the connection after one picture; give the address of its stream, not of "
-            "one picture"
+            "it closes the connection after one picture; give the address of its stream instead "
+            "of a picture's"
         )
     return "the stream ended"

@@ -24,7 +24,7 @@ _LINES = {"http": HTTPConnection, "https": HTTPSConnection}
 _MOVED = (301, 302, 303, 307, 308)
 _PAGES = ("text/", "application/json", "application/xml", "application/xhtml")
 _ADVICE = {
-    401: "it wants a user and a password, as in --source http://USER:PASSWORD@ADDRESS/PATH",
+    401: "it needs a user and a password, as in --source http://USER:PASSWORD@ADDRESS/PATH",
     403: "it refuses connections from this computer; check its settings",
     404: "there is nothing at this path; look up the address of the stream in its manual",
     503: "it is busy; close its other viewers, or restart it",
@@ -57,7 +57,7 @@ class CameraLine:
             if isinstance(error, CameraError):
                 raise
             why = (
-                "redirects in a circle, or to an invalid address; look up the address of its stream"
+                "redirects endlessly, or to an invalid address; look up the address of its stream"
                 if isinstance(error, ValueError)
                 else f"does not answer ({error}); is it switched on and in the same network, and "
                 "is the port right?"
@@ -85,8 +85,8 @@ class CameraLine:
         return bool(self._user) and _origin(urlsplit(address)) == self._home
 
     def _follow(self) -> Answer:
-        """Request the stream, follow redirects, and authenticate by Basic or Digest if the camera
-        asks for it."""
+        """Request the stream, follow redirects, and use Basic or Digest authentication if the
+        camera requires it."""
         address, challenges = self._address, list[str]()
         for _ in range(_MOST_REQUESTS):
             asked, is_home = http.Request(address, headers=_HEAD), self.shows_user(address)
@@ -134,8 +134,8 @@ class CameraLine:
         raise CameraError(f"{url.hostname}{url.path or '/'} answers {said}: {advice}")
 
     def _shown(self, asked: http.Request, challenges: list[str]) -> str:
-        """Return the value of the HTTP header `Authorization`. The header answers the strongest of
-        the camera's challenges; without a challenge, Basic authentication is used."""
+        """Return the value of the HTTP header `Authorization`. It answers the strongest of the
+        camera's challenges. If there is no challenge, Basic authentication is used."""
         if not challenges:
             return f"Basic {base64.b64encode(f'{self._user}:{self._password}'.encode()).decode()}"
         passwords = http.HTTPPasswordMgrWithDefaultRealm()
@@ -148,8 +148,8 @@ class CameraLine:
             words = _Digest(passwords).get_authorization(asked, challenge)
         if words is None:
             raise CameraError(
-                f"the camera at {asked.host} uses an unsupported kind of password; choose Basic, "
-                "or Digest with MD5 or SHA-256, in its settings"
+                f"the camera at {asked.host} uses an unsupported authentication; choose Basic, or "
+                "Digest with MD5 or SHA-256, in its settings"
             )
         # http.client encodes headers as Latin-1, but the bytes must be UTF-8
         return f"Digest {words}".encode().decode("latin-1")
@@ -181,8 +181,8 @@ def _origin(url: SplitResult) -> tuple[str, str | None, int]:
 
 
 def _checked(url: SplitResult) -> str:
-    """Return an address without user and password. Raises ValueError if the address cannot be a
-    camera's."""
+    """Return an address without user and password. Raises ValueError if it cannot be the address
+    of a camera."""
     host = url.netloc.rpartition("@")[2].encode("idna").decode()
     if url.scheme not in _LINES or not url.hostname or url.port == 0:
         raise ValueError("not the address of a camera")

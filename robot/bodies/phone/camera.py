@@ -10,8 +10,8 @@ from robot.devkit.pictures import Picture
 from robot.devkit.threaded_camera import WatchedCamera
 from robot.errors import need
 
-GONE = "The phone that is the robot's eye is gone: open its page again."
-NOBODY = "No phone is the robot's eye: open the address that the terminal shows on the phone."
+GONE = "The phone that is the robot's eye has disconnected: open its page again."
+NOBODY = "No phone is the robot's eye: on the phone, open the address that the terminal shows."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

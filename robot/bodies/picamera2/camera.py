@@ -14,8 +14,8 @@ from robot.errors import CameraError, told_as
 from robot.types import Encoding
 
 _OLDEST_S = 2.0
-"""Maximum age of a picture by its time stamp, in seconds. If the time stamp is older than
-`_OLDEST_S`, the picture gets the time at which it arrived."""
+"""Maximum age of a picture by its time stamp, in seconds. If the time stamp is older, it is
+replaced by the time at which the picture arrived."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class Picamera2Options(Options):
 
 
 class Picamera2Camera(WatchedCamera):
-    """Takes pictures on the library's thread; a second thread notices if no more come.
+    """Takes pictures on the library's thread; a second thread checks that they keep arriving.
 
     The time of a picture is the time at which the sensor exposed it.
     """

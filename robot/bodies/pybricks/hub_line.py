@@ -25,8 +25,8 @@ STATUS_REPORT, WRITE_STDOUT = 0, 1
 PROGRAM_RUNS = 1 << 6
 SCAN_S = 8.0
 TWINS_S = 2.0
-"""Time for which a search for a second hub continues after the first hub that matches, in seconds.
-A hub advertises itself several times a second."""
+"""Time for which the search continues after the first matching hub, to find a second one, in
+seconds. A hub advertises itself several times a second."""
 SEND_S = 0.3
 """Timeout of a write, in seconds. A second write never begins before the first has ended."""
 _LONGEST_LINE = 200
@@ -122,7 +122,7 @@ class HubLine(ReconnectingLink):
             most, *_ = struct.unpack_from("<H", await client.read_gatt_char(CAPABILITIES))
             self._chunk, self._rest = max(19, most - 1), b""
             await client.start_notify(COMMAND_EVENT, self._take)
-            # If the program is running already, the hub refuses the command, which does no harm.
+            # If the program is already running, the hub refuses the command, which is harmless.
             with contextlib.suppress(self._bluetooth.BleakError):
                 await client.write_gatt_char(COMMAND_EVENT, bytes([START_PROGRAM]), True)
             self._same.chosen = self._same.chosen or hub

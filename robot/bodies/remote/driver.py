@@ -32,8 +32,8 @@ GONE_S = 0.5
 """Time without any report after which the robot counts as gone, in seconds."""
 _CONNECT_S = 3.0
 _CONNECT_TRIES = 20
-"""Least number of unanswered requests after which a robot counts as silent. A time limit is not
-enough: if this computer pauses, the limit may pass while only a few requests have been sent."""
+"""Minimum number of unanswered requests after which a robot counts as silent. A time limit is not
+enough: if this computer pauses, the time may end after only a few requests."""
 
 
 class MessageLine(Protocol):
@@ -60,7 +60,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     `no_obedience` for a robot that answers but does not obey."""
 
     def __init__(self, options: Any, where: str, clock: Clock | None = None) -> None:
-        """Store the options; `where` names the robot in a sentence, for example `the hub`."""
+        """Store the options. `where` is the robot's name in messages, for example `the hub`."""
         super().__init__(options, clock)
         self._where = where
         self._report: BodyReport | None = None
@@ -68,8 +68,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         """The robot's name in its reports; empty if they contain none. Once the name is known, no
         robot with another name is driven."""
         self._is_other = False
-        """True if another robot answers at the address. That robot is asked for reports, but gets
-        no orders."""
+        """True if another robot answers at the address. It is asked for reports, but receives no
+        orders."""
         self._heard_s = 0.0
         self._disobeyed = 0
         self._seq = 0
@@ -189,7 +189,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
 
 
 def the_only_one(host: str) -> str:
-    """Return the address of a name that ends in `.local`; return any other host unchanged.
+    """Return the IP address of a host whose name ends in `.local`; return other hosts unchanged.
 
     Several machines may have the same `.local` name, because many small robots keep the name that
     their example program contains.
@@ -201,7 +201,7 @@ def the_only_one(host: str) -> str:
         return host
     found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_DGRAM)
     same = SameDevice("machine", flag="--address")
-    with told_as(DriveError, f"which robot is {host}?", ConnectionError):
+    with told_as(DriveError, f"it is unclear which robot is {host}", ConnectionError):
         chosen = same.pick(Found("", str(place[0])) for *_, place in found)
     return host if chosen is None else chosen.address
 

@@ -1,6 +1,6 @@
 """The messages between Drivelesson and a robot of any kind: orders and reports. Pure.
 
-The module also parses the address and the moves that a person states for a robot.
+The module also parses a robot's address and moves, as a person gives them on the command line.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from robot.types import Action, Point
 MAX_BYTES = 512
 _LONGEST_ID = 64
 _NO_NUMBER = re.compile(rb'("(?:[^"\\]|\\.)*")|[-+]?\b(?:inf(?:inity)?|nan|ovf)\b', re.I)
-"""Words that small computers write for a missing number, which JSON does not allow: `inf` and `nan`
-from MicroPython's json, also `ovf` from Arduino's print."""
+"""Words that small computers write for a missing number, although JSON does not allow them: `inf`
+and `nan` from MicroPython's json, and `ovf` from Arduino's print."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +61,8 @@ class Order:
 
 
 def encode_order(order: Order, nonce: str, secret: str) -> bytes:
-    """Encode and sign one order. The order's number lets the robot refuse a repetition. The robot
-    has a new nonce after each start, so it refuses orders from before the start."""
+    """Encode and sign one order. By the order's number, the robot recognises a repetition. The
+    robot has a new nonce after each start, so it refuses orders from before the start."""
     plain = asdict(order) | {"speed": round(order.speed, 4)}
     if (point := plain.pop("point")) is not None:
         plain |= {"steering": round(point.steering, 4), "throttle": round(point.throttle, 4)}
@@ -135,7 +135,7 @@ def parse_moves(text: str) -> tuple[Move, ...]:
                 "forward,left,fast:0:1"
             ) from error
     if len({move.name for move in moves}) != len(moves):
-        raise ConfigurationError("--body-moves names the same move twice")
+        raise ConfigurationError("--body-moves contains the same move twice; remove one of them")
     return tuple(moves)
 
 

@@ -74,7 +74,7 @@ class ReconnectingConnection(ABC):
         before = self._sending.get(key)
         if before is not None and not before.done():
             work.close()
-            raise ConnectionError("the robot has not taken the previous message yet")
+            raise ConnectionError("the previous message has not been sent yet")
         self._sending[key] = sending = self._submit(work)
         return sending
 

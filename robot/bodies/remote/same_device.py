@@ -32,7 +32,7 @@ class SameDevice:
     Args:
         kind: The noun for the device in a sentence, for example `hub`.
         wanted: The name or address that a person gave; empty for the only device in range.
-        flag: The option by which a person tells devices apart.
+        flag: The option with which the user chooses a device.
     """
 
     def __init__(self, kind: str, wanted: str = "", flag: str = "--hub") -> None:
@@ -75,5 +75,5 @@ class SameDevice:
         if self.chosen is None:
             listed = f"; in range: {', '.join(sorted(others))}" if others else ""
             return f"is it switched on, and not connected elsewhere?{listed}"
-        aside = " (another one is in range, but is not used)" if others else ""
+        aside = f" (another {self._kind} is in range, but is not used)" if others else ""
         return f"{self.chosen} was lost, and is not in range{aside}; is it switched on?"

@@ -14,12 +14,12 @@ from robot.clock import RealClock
 
 _OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
 _MOST_UNANSWERED = 10
-"""Maximum number of unanswered messages. If more messages are unanswered, after about 1.5 s of
-silence, the connection is closed and a new one is opened."""
+"""Maximum number of unanswered messages. If there are more, after about 1.5 s of silence, the
+connection is closed and a new one is opened."""
 
 
 class WebsocketLine(ReconnectingLink):
-    """A websocket that the robot serves; a silent connection is opened again."""
+    """A websocket that the robot serves. If the robot falls silent, a new connection is opened."""
 
     def __init__(self, host: str, port: int, find: Callable[[], str] | None = None) -> None:
         """Open the first connection; `find` returns the host to which each connection goes."""

@@ -29,8 +29,8 @@ _LOST_S = 3.0
 """Time limit for the answer to a ping, in seconds. If the answer comes later or not at all, the
 connection is opened again."""
 _ASK_AGAIN_S = REFUSED_S / 2
-"""Time after which refused topics are requested again, in seconds. By then the node that caused the
-refusal may have ended. If that node still runs, rosbridge refuses the topics again, before the
+"""Time after which refused topics are requested again, in seconds, because the node that caused the
+refusal may have ended. If that node still runs, rosbridge refuses the topics again before the
 earlier refusal expires (`REFUSED_S`)."""
 
 
@@ -111,7 +111,7 @@ class RosBridge(ReconnectingConnection, Topics):
                 for handle in self._ends.values():
                     handle.cancel()
                 self._ends.clear()
-        self.trouble = "the bridge has ended the connection"
+        self.trouble = "rosbridge has closed the connection"
 
     async def _ping(self, socket: Any) -> None:
         """Send pings, and close a connection that has not answered for too long."""
@@ -129,7 +129,7 @@ class RosBridge(ReconnectingConnection, Topics):
             await _send(socket, op="advertise", id=f"advertise:{topic}", topic=topic, type=kind)
         for topic, kind in self._subscribed.items():
             name = f"subscribe:{topic}"
-            # At most one message is queued, because only the newest message counts.
+            # Queue at most one message, because only the newest message counts.
             await _send(socket, op="subscribe", id=name, topic=topic, type=kind, queue_length=1)
 
     def _take(self, socket: Any, told: Message) -> None:

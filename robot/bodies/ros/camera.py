@@ -86,11 +86,11 @@ class RosCamera(WatchedCamera):
             picture = read_pixels(message, data) if self._is_raw else read_jpeg(data)
         except (KeyError, TypeError, ValueError, binascii.Error, RecordingError):
             form = str(message.get("encoding", message.get("format", "something")))[:20]
-            what = "with an unsupported size or encoding" if self._is_raw else "which is not JPEG"
+            what = "of an unsupported size or encoding" if self._is_raw else "which is not JPEG"
             self._reason = f" (it sends {form!r}, {what})"
             return
         if picture.is_too_large:
-            self._reason = f" (its pictures are {picture.width}x{picture.height}: too large)"
+            self._reason = f" (pictures of {picture.width}x{picture.height} are too large)"
         elif self._freshness.is_new(picture.data, now_s):
             self._reason = ""
             self._show_picture(picture, now_s)

@@ -2,7 +2,7 @@
 
 All parts of this program share one participant per domain. Named peers are discovered by unicast.
 DDS itself notices only after ten seconds or more that another program is gone. This module notices
-a lost program sooner: messages are not acknowledged, the watchdog on the robot is silent, or no new
+it sooner, because messages are not acknowledged, the watchdog on the robot is silent, or no new
 picture arrives.
 """
 
@@ -45,20 +45,20 @@ from robot.errors import DriveError, told_as
 
 log = logging.getLogger(__name__)
 FOUND_S = 5.0
-"""How long a new connection waits for the robot, in seconds."""
+"""Time for which a new connection waits for the robot, in seconds."""
 _ASK_EVERY_S = 2
 """Interval of discovery messages to peers, in seconds."""
 _MOST_PROCESSES = 50
-"""Number of ports of each named peer to which discovery messages go, because each process of a peer
-has a separate port."""
+"""Number of ports per named peer to which discovery messages are sent. Each process of a peer has a
+port of its own."""
 _LOOK_EVERY_S, _ANSWER_EVERY_S = 0.05, 0.05
-"""Longest time for which one thread waits for messages, and another thread for acknowledgements, in
+"""Maximum times for which a thread waits for messages, and another thread for acknowledgements, in
 seconds."""
 _HEARTBEAT = '<HeartbeatInterval min="1 ms" minsched="5 ms" max="20 ms">10 ms</HeartbeatInterval>'
 """Interval at which a writer requests acknowledgements. By default, a writer that is never idle may
 wait several seconds before it requests one."""
 _LAST_ANSWER_S = 0.2
-"""How long `close` waits for the acknowledgement of the last order, in seconds."""
+"""Time for which `close` waits for the acknowledgement of the last order, in seconds."""
 _SETTLED_S = 1.0
 """Time limit within which DDS matches the robot's subscriber with this program's publisher, in
 seconds. After this time the topic counts as refused."""
@@ -81,7 +81,7 @@ _NEWEST = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1), Policy.
 
 
 def configuration(hosts: Sequence[str], interface: str) -> str:
-    """Return Cyclone DDS's configuration: CYCLONEDDS_URI, then our settings, which override it.
+    """Return the configuration of Cyclone DDS: CYCLONEDDS_URI, overridden by our settings.
 
     Raises:
         DriveError: If a host is unknown.
@@ -137,7 +137,7 @@ class Participant:
         self.domain, self._config, self._users = domain, config, 0
         with told_as(
             DriveError,
-            f"this computer cannot take part in ROS domain {domain}",
+            f"this computer cannot join ROS domain {domain}",
             DDSException,
             UnicodeEncodeError,
             do="check --interface and CYCLONEDDS_URI",
@@ -154,8 +154,8 @@ class Participant:
                 found = cls._all[domain] = cls(domain, config)
             elif found._config != config:
                 raise DriveError(
-                    f"this program takes part in ROS domain {domain} already, with another "
-                    "--address, --peers or --interface; give robot and camera the same options"
+                    f"this program already uses ROS domain {domain} with another --address, "
+                    "--peers or --interface; give robot and camera the same options"
                 )
             found._users += 1
             return found
@@ -185,7 +185,7 @@ class Neighbours:
         self._seen: dict[Any, Endpoint] = {}
 
     def look(self) -> None:
-        """Read which publishers and subscribers have appeared or gone."""
+        """Read which publishers and subscribers have appeared or disappeared."""
         for reader, publishes in self._readers.items():
             while samples := reader.take(_TAKEN):
                 for sample in samples:
@@ -272,8 +272,8 @@ class DdsTopics(Topics):
         self._wait_for_listeners()
 
     def _wait_for_listeners(self) -> None:
-        """Wait until another program subscribes to the velocities; if none does, `refusal` says
-        why."""
+        """Wait until another program subscribes to the velocities. If none does, `refusal` contains
+        the reason."""
         deadline_s = self._clock.now_s() + FOUND_S
         while self._is_unheard() and self._clock.now_s() < deadline_s:
             kinds = [self._neighbours.kinds(topic, publishes=False) for topic in self._advertised]
@@ -323,8 +323,8 @@ class DdsTopics(Topics):
         named = sorted({each.topic for each in self._neighbours.endpoints})
         do = "`drivelesson ros-topics` lists what is there"
         if not named:
-            return f"and no robot was found: are --domain and --address right? {do}"
-        return f"but there are {len(named)} other topics: {do}"
+            return f"and no robot was found; are --domain and --address right? {do}"
+        return f"but there are {len(named)} other topics; {do}"
 
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
         with self._lock:
@@ -400,7 +400,7 @@ class DdsTopics(Topics):
         return max(0.001, min(_LOOK_EVERY_S, due_s - self._clock.now_s()))
 
     def _take(self, topic: str, reader: DataReader[Any]) -> None:
-        """Pass on received messages; a sample without fields means that a publisher is gone."""
+        """Pass on received messages. A sample without valid data means that a publisher is gone."""
         try:
             for sample in reader.take(_TAKEN):
                 if sample.sample_info.valid_data:
@@ -410,9 +410,9 @@ class DdsTopics(Topics):
             self._warn_once(f"a message of {topic} cannot be read: {error!r}")
 
     def _note_sign(self) -> None:
-        """Count each received message as a sign of life, too. Acknowledgements are not enough: when
-        a subscriber dies, none arrive until DDS drops this subscriber, even if another subscriber
-        has taken its place."""
+        """Count each received message as a sign of life, too. Acknowledgements are not enough: if a
+        subscriber dies, no acknowledgement arrives until DDS drops this subscriber, even if another
+        subscriber has taken its place."""
         with self._lock:
             if self._unanswered_s is not None:
                 self._unanswered_s = self._clock.now_s()
@@ -428,7 +428,7 @@ class DdsTopics(Topics):
     def _warn_of_others(self) -> None:
         for topic, kind in self._advertised.items():
             if kind in VELOCITIES and self._neighbours.kinds(topic, publishes=True):
-                self._warn_once(f"another node also publishes {topic}: the newest velocity counts")
+                self._warn_once(f"another node publishes {topic}, too; the newest velocity counts")
 
     def _warn_once(self, text: str) -> None:
         if text not in self._warned and len(self._warned) < _MOST_WARNINGS:
@@ -451,8 +451,8 @@ def _acknowledged(writer: DataWriter[Any], within_s: float) -> bool:
 def neighbours_of(
     domain: int, hosts: Sequence[str], interface: str, clock: Clock, seconds: float
 ) -> tuple[Endpoint, ...]:
-    """Return other programs' publishers and subscribers in a domain, after a search of some
-    seconds.
+    """Search a domain for some seconds, and return the publishers and subscribers of other
+    programs.
 
     Raises:
         DriveError: If a host or an interface is unknown.
@@ -465,8 +465,8 @@ def neighbours_of(
 
 
 def _search(participant: DomainParticipant, clock: Clock, seconds: float) -> tuple[Endpoint, ...]:
-    """Search for some seconds. DDS requires that readers end before their participant. The readers
-    of `neighbours` end when this function returns."""
+    """Search for some seconds. DDS requires that readers end before their participant, so the
+    readers of `neighbours` end when this function returns."""
     neighbours = Neighbours(participant, clock)
     clock.sleep(seconds)
     neighbours.look()

@@ -35,10 +35,9 @@ from robot.moves import point_of
 from robot.types import Action, Point, Prediction
 
 ORDERS, ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
-"""Topics of docs/examples/ros/watchdog.py: the velocities for it, and its signs of life."""
+"""Topics of docs/examples/ros/watchdog.py: velocities to the watchdog, and its signs of life."""
 _DISPUTED = "disputed"
-"""The watchdog's signs of life have this frame id while a second program sends velocities to the
-robot."""
+"""Frame id of the watchdog's signs of life while a second program sends velocities to the robot."""
 _FIRST_SIGN_S = 3.0
 _FRESH_S = 1.0
 """A sensor's value is ignored from this age on, in seconds."""
@@ -78,8 +77,8 @@ class RosDriver(ConnectedDriver[Topics]):
     `cmd_vel` contains no duration. If this program, its computer or the network fails, nobody sends
     a zero. The robot then stops only if its base has a timeout for velocities. With `watchdog`, a
     node of this project on the robot stops the robot. The node sends signs of life that contain its
-    time, and each order contains the newest of these times. The node stops obeying an order as soon
-    as the time in it is too old.
+    time, and each order contains the newest of these times. The node stops the robot as soon as the
+    time in the last order is too old.
     """
 
     name: ClassVar[str] = "ros"
@@ -133,7 +132,7 @@ class RosDriver(ConnectedDriver[Topics]):
         if self.options.transport == DDS:  # DDS knows the subscribers immediately
             self._check_taken(self._connected())
         if self.options.watchdog and not self._clock.wait(self._has_signed, _FIRST_SIGN_S):
-            raise DriveError(f"{self._connected().where} is there, but {_NO_WATCHDOG}")
+            raise DriveError(f"{self._connected().where} answers, but {_NO_WATCHDOG}")
 
     def _close(self, connection: Topics) -> None:
         connection.close()
@@ -211,7 +210,7 @@ class RosDriver(ConnectedDriver[Topics]):
             raise DriveError(_NO_WATCHDOG)
         if self._is_disputed:
             raise DriveError(
-                "the robot's watchdog stopped it, because another node drives it at the same time; "
+                "the watchdog stopped the robot, because another node drives it at the same time; "
                 f"`ros2 topic info -v {self.options.cmd_vel_topic}` on the robot lists these nodes"
             )
 
@@ -241,7 +240,7 @@ def _pose_of(pose: Message) -> Pose:
     heading = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
     pose_now = Pose(x_m=float(at["x"]), y_m=float(at["y"]), heading_rad=heading, is_estimate=True)
     if not all(map(math.isfinite, (pose_now.x_m, pose_now.y_m, heading))):
-        raise ValueError("no place")
+        raise ValueError("the pose is not finite")
     return pose_now
 
 

@@ -58,7 +58,7 @@ class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
 
 @dataclass
 class String(IdlStruct, typename="std_msgs::msg::dds_::String_"):
-    """A text."""
+    """A string."""
 
     data: str = ""
 
@@ -174,7 +174,7 @@ class _Reading:
         return int(value)
 
     def octets(self) -> bytes:
-        """Read a length, then this number of bytes."""
+        """Read a length, and then as many bytes."""
         length = self.number("I")
         data = bytes(self._data[self._at : self._at + length])
         if len(data) != length:
@@ -183,7 +183,7 @@ class _Reading:
         return data
 
     def text(self) -> str:
-        """Read a text, which ends with a zero byte."""
+        """Read a string, which ends with a zero byte."""
         return self.octets().rstrip(b"\0").decode(errors="replace")
 
     def header(self) -> Header:

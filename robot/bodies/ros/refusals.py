@@ -1,4 +1,4 @@
-"""Reads rosbridge's status messages, and messages that are wrapped in other messages.
+"""Reads rosbridge's status messages, and unwraps messages inside other messages.
 
 A `status` has a level and a text (section 3.4.1 of ROSBRIDGE_PROTOCOL.md, version 2). A `fragment`
 is one part of a long message (3.1.1). A `png` contains a message as the pixels of a picture
@@ -22,11 +22,10 @@ time, so a lasting refusal is renewed before it expires."""
 _HARMLESS = ("info", "none")
 _LONGEST_TEXT = 300
 _MOST_PARTS, _MOST_BYTES = 1000, 6 * 2**20
-"""Limits of a message that comes in fragments: its number of parts, and its number of
-characters."""
+"""Maximum number of parts and of characters of a message that arrives in fragments."""
 _DEEPEST = 4
-"""Maximum number of times that a message may be wrapped. A message in a picture that comes in
-fragments is wrapped twice."""
+"""Maximum number of layers around a message. A message in a picture that arrives in fragments has
+two layers."""
 
 
 class Refusals:
@@ -46,7 +45,7 @@ class Refusals:
         An unknown level counts as a refusal.
         """
         level = str(status.get("level", "error")).lower()
-        text = str(status.get("msg") or "it gives no reason")[:_LONGEST_TEXT]
+        text = str(status.get("msg") or "no reason given")[:_LONGEST_TEXT]
         request = status.get("id")
         if isinstance(request, str) and request and request.partition(":")[2] not in text:
             text = f"{request[:_LONGEST_TEXT]}: {text}"
@@ -107,7 +106,7 @@ class Unwrapping:
 
 
 def _text_of_png(data: str) -> str:
-    """Decode a PNG of rosbridge: the bytes of its pixels are a text, padded with newlines."""
+    """Decode a PNG from rosbridge. The bytes of its pixels are text, padded with newlines."""
     import numpy as np
 
     try:
@@ -127,16 +126,16 @@ def advice_for(refusal: str, *, is_stamped: bool, has_watchdog: bool) -> str:
     if "twiststamped" in said and not is_stamped:
         return "start with --stamped true"
     if "geometry_msgs" in said and "twiststamped" not in said and is_stamped:
-        return "another node uses the watchdog's topic" if has_watchdog else "leave --stamped out"
+        return "another node uses the watchdog's topic" if has_watchdog else "omit --stamped"
     if "sensor_msgs/msg/image" in said and "compressedimage" not in said.partition(", not")[0]:
         return (
-            "name a topic of sensor_msgs/CompressedImage with --image-topic, or add "
+            "give a topic of sensor_msgs/CompressedImage with --image-topic, or add "
             "--image-type raw"
         )
     if "sensor_msgs" in said and "image" in said:
-        return "name a topic of pictures with --image-topic, and leave --image-type out"
+        return "give a topic of pictures with --image-topic, and omit --image-type"
     if "already" in said and "type" in said:
-        return "name another topic, or end the node that uses this topic"
+        return "choose another topic, or end the node that uses this topic"
     if "glob" in said or "not allowed" in said or "not authorized" in said:
         return "allow the topic in rosbridge's own settings (topics_glob)"
     return ""

@@ -10,7 +10,7 @@ from robot.bodies.ros.driver import ORDERS, RosOptions
 from robot.bodies.ros.topics import COMPRESSED, ODOMETRY, RANGE, RAW, STAMPED, TWIST
 
 _NOT_FOR_DRIVING = ("depth", "theora", "infra", "mask", "map")
-"""Words in a topic's name which show that its pictures are not meant for a pilot."""
+"""Words in a topic's name that show that its pictures are not meant for a pilot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +71,8 @@ def _sensors(seen: list[Endpoint]) -> list[str]:
 
 
 def _named(seen: list[Endpoint], kind: str, *, publishes: bool, preferred: str) -> str:
-    """Return the best topic of a type: the topic with the usual name, else with the most similar
-    name."""
+    """Return the best topic of a type: the one with the usual name, or else the one with the
+    shortest name. Topics with a word of `_NOT_FOR_DRIVING` come last."""
     names = {each.topic for each in seen if (each.kind, each.publishes) == (kind, publishes)}
 
     def distance(name: str) -> tuple[bool, bool, int, str]:

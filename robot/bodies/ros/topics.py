@@ -40,13 +40,13 @@ class Topics(ABC):
     @property
     @abstractmethod
     def silent_s(self) -> float:
-        """Return for how long an expected sign of life from the other end has been missing, in
+        """The time for which an expected sign of life from the other end has been missing, in
         seconds."""
 
     @property
     @abstractmethod
     def refusal(self) -> str:
-        """Which message the receiver refuses, and why; empty if it refuses none."""
+        """The message that the receiver refuses, and the reason; empty if it refuses none."""
 
     def refused(self, refusal: str) -> str:
         """Return the sentence about a refusal."""

@@ -1,4 +1,4 @@
-"""The two ways to a ROS 2 robot's topics, and the options that choose one."""
+"""Connects to a ROS 2 robot's topics by rosbridge or DDS, as the options choose."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from robot.errors import ConfigurationError, need
 
 ROSBRIDGE, DDS = "rosbridge", "dds"
 MOST_DOMAINS = 232
-"""Largest number of a domain. Its ports begin at 7400 plus 250 times its number, and a larger
-number would make them invalid."""
+"""Largest number of a domain. A domain's ports begin at 7400 plus 250 times its number, so the
+ports of a larger number would be invalid."""
 _FEATURE = (
     "--transport dds (cyclonedds is available for Windows, macOS and Linux on x86_64, up to Python "
     "3.13; elsewhere use --transport rosbridge)"
@@ -58,7 +58,7 @@ class TransportOptions(Options):
         for flag, value in (("--interface", self.interface), ("--peers", self.peers)):
             if value:
                 raise ConfigurationError(
-                    f"{flag} works only with --transport dds; add that, or omit {flag}"
+                    f"{flag} works only with --transport dds; add this option, or omit {flag}"
                 )
 
 

@@ -17,7 +17,7 @@ from robot.types import Encoding
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsbCameraOptions(Options):
-    """Which camera to open, and the wanted size of its pictures; the camera uses the nearest size
+    """Options that choose a camera and the size of its pictures. The camera uses the nearest size
     that it supports."""
 
     device: str = option(
@@ -56,7 +56,7 @@ class V4l2Camera(ThreadedCamera):
             path = reader.video.path
             reader.close()
             raise CameraError(
-                f"the camera {path} gives only MJPEG, which this computer cannot read: on a brick, "
+                f"the camera {path} has only MJPEG, which this computer cannot read; on a brick, "
                 "use a camera with YUYV (such as a Logitech C270), or run the server on another "
                 "computer (drivelesson brick agent ADDRESS)"
             )

@@ -1,4 +1,4 @@
-"""One streaming camera, by the kernel's Video4Linux interface: ioctl and mmap, nothing else.
+"""Reads a camera through the kernel's Video4Linux interface, with only ioctl and mmap.
 
 Written for Python 3.5 and the standard library, because the agent on a brick includes it.
 """
@@ -25,7 +25,7 @@ CAPTURE, MMAP = 1, 1
 FLAG_ERROR, FLAG_MONOTONIC, CLOCK_MASK = 0x40, 0x2000, 0xE000
 CAN_CAPTURE, CAN_STREAM, DEVICE_CAPS = 0x1, 0x04000000, 0x80000000
 FOURCC = {"yuyv": (b"YUYV",), "jpeg": (b"MJPG", b"JPEG")}
-"""The kernel's names of each encoding; JPEG has two names."""
+"""The kernel's names of each encoding. JPEG has two names."""
 N_BUFFERS = 2
 
 VideoFrame = NamedTuple("VideoFrame", [("data", bytes), ("taken_s", float)])
@@ -76,7 +76,7 @@ class Video:
         except OSError as error:
             self.close()
             raise CaptureError(
-                "the camera {} refused: {}; unplug it and plug it in again".format(
+                "the camera {} failed: {}; unplug it and plug it in again".format(
                     self.path, error.strerror
                 )
             ) from error
@@ -92,7 +92,7 @@ class Video:
             return os.open(path, os.O_RDWR | os.O_NONBLOCK)
         except OSError as error:
             raise CaptureError(
-                "no camera at {} ({}); plug it in, or name its device with --device".format(
+                "no camera at {} ({}); plug it in, or choose another with --device".format(
                     path, error.strerror
                 )
             ) from error
@@ -104,7 +104,7 @@ class Video:
             abilities = of_device
         if not (abilities & CAN_CAPTURE and abilities & CAN_STREAM):
             raise CaptureError(
-                "{} is not a camera that streams; name another with --device".format(self.path)
+                "{} is not a streaming camera; choose another with --device".format(self.path)
             )
 
     def _choose_encoding(self, wanted: str) -> Tuple[str, bytes]:
@@ -116,7 +116,7 @@ class Video:
                 if code in offered:
                     return name, code
         raise CaptureError(
-            "the camera {} gives no {}; it offers: {}".format(
+            "the camera {} does not support {}; it supports: {}".format(
                 self.path,
                 "YUYV or MJPEG" if wanted == "auto" else wanted,
                 ", ".join(code.decode("ascii", "replace") for code in offered) or "nothing",
@@ -130,7 +130,7 @@ class Video:
         data = fcntl.ioctl(self._fd, S_FMT, FMT.pack(CAPTURE, wanted))
         width, height, given, _, stride, _ = PIX.unpack_from(FMT.unpack(data)[1])
         if given != code:
-            raise CaptureError("the camera {} changed its format".format(self.path))
+            raise CaptureError("the camera {} does not accept the format".format(self.path))
         return width, height, stride
 
     def _set_rate(self, rate: int) -> None:

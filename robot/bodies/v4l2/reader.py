@@ -19,8 +19,8 @@ class CameraReader:
         self.fault = None  # type: Optional[str]
 
     def poll(self, now_s: float) -> Optional[VideoFrame]:
-        """Return a new picture if the camera has one, else None. `fault` says whether the camera
-        failed. Never blocks, never raises."""
+        """Return a new picture if the camera has one, or else None. If the camera fails, `fault`
+        says why. Never blocks, never raises."""
         if self.video is None and now_s >= self._next_try_s:
             self._reopen(now_s)
         if self.video is None:

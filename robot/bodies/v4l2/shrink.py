@@ -8,8 +8,8 @@ from typing import NamedTuple
 Shrinking = NamedTuple(
     "Shrinking", [("step", int), ("left", int), ("top", int), ("width", int), ("height", int)]
 )
-"""A way to reduce a picture: take every `step`-th pixel from (`left`, `top`) on, `width` x `height`
-pixels in all."""
+"""A plan to reduce a picture: every `step`-th pixel is used, beginning at (`left`, `top`), to make a
+picture of `width` x `height` pixels."""
 
 
 def plan_shrinking(width: int, height: int, wanted_width: int, wanted_height: int) -> Shrinking:

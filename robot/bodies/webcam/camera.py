@@ -35,8 +35,8 @@ class OpencvCamera(WatchedCamera):
     """Reads frames by OpenCV, reduces them and encodes them as JPEG.
 
     OpenCV keeps returning the last frame of an unplugged camera, and a read may block for seconds.
-    So exact repetitions of a frame are ignored, and a second thread notices if no new frame
-    comes. A film starts again at its end.
+    Exact repetitions of a frame are therefore ignored, and a second thread checks that new frames
+    arrive. A film starts again at its end.
     """
 
     name: ClassVar[str] = "opencv"
@@ -59,11 +59,11 @@ class OpencvCamera(WatchedCamera):
 
     def _begin(self) -> None:
         self._cv2 = need("cv2", "the camera 'opencv'", "camera")
-        with told_as(CameraError, "which camera?", SeveralCamerasError):
+        with told_as(CameraError, "it is unclear which camera to use", SeveralCamerasError):
             capture = self._open()
         if capture is None:
             raise CameraError(
-                f"OpenCV cannot open {self.options.source!r}; plug the camera in, or name "
+                f"OpenCV cannot open {self.options.source!r}; plug the camera in, or give "
                 "another number, file or address with --source"
             )
         self._watch_over(lambda: self._read(capture))

@@ -1,4 +1,4 @@
-"""The driving learner for the loop of another program: it converts pictures and their times to
+"""The driving learner for use in another program's loop. It converts pictures and their times to
 moves."""
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class DrivingLearner:
         return prediction
 
     def teach(self, move: str, *, is_correction: bool = False, point: Point | None = None) -> None:
-        """Learn the move that a person made when the person saw the last picture.
+        """Learn the move that a person made on seeing the last picture.
 
         Args:
             move: The person's move.

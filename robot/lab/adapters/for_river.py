@@ -1,5 +1,5 @@
-"""Makes BSOC, this project's online classifier, available to the library river. Inputs are dicts
-whose features may come and go; labels may be any hashable values."""
+"""Makes BSOC, this project's online classifier, available to the library river. Inputs are dicts,
+which may have different features each time. Labels may be any hashable values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Direct commands of LEGO's own EV3 firmware: the few that a robot on wheels needs. Pure.
+"""The direct commands of LEGO's own EV3 firmware that a robot on wheels needs. Pure.
 
 A message consists of its remaining length in two bytes, a number that the answer repeats, the kind,
 the sizes of the variables, and bytecodes. All numbers are little-endian. Numbers in bytecodes have
@@ -56,7 +56,7 @@ def parse_answer(message: bytes, asked: int, results: int = 0) -> bytes:
     if kind != _REPLY or length + 2 != len(message):
         raise DriveError("the brick sent something other than a reply")
     if count != asked or length + 2 < _ANSWER.size + results:
-        raise DriveError("the brick replied to a different command than the one asked")
+        raise DriveError("the brick answered another command than the last one")
     return message[_ANSWER.size :]
 
 

@@ -28,11 +28,11 @@ ANSWER_S = 0.4
 Bluetooth."""
 _BEACON_S, _LISTEN_S = 8.0, 0.5
 TWINS_S = 5.5
-"""Time for which announcements are received if no brick was named, in s. Each brick announces
+"""Time for which announcements are collected if no brick was named, in s. Each brick announces
 itself every 5 s."""
 _AGAIN_S = 1.0
-"""Time in seconds. If two announcements of a brick arrive within it, over two networks, they count
-as one announcement."""
+"""Announcements of a brick that arrive within this time, in seconds, count as one, because a
+computer may receive the same announcement over two networks."""
 _CONNECT_S = 4.0
 _USB_ID = "0003:00000694:00000005"
 _ID = re.compile("[0-9a-f]{12}")
@@ -84,7 +84,7 @@ class SocketLine(BrickLine):
 
     def _read(self, count: int) -> bytes:
         if count > MAX_MESSAGE:
-            raise ValueError("the brick sent a reply of a wrong length")
+            raise ValueError("the brick sent a reply that is too long")
         data = b""
         while len(data) < count:
             part = self._device.recv(count - len(data))
@@ -207,12 +207,12 @@ def _beacons(sock: socket.socket, clock: Clock) -> Iterator[tuple[float, Beacon 
 
 
 def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "") -> Beacon | None:
-    """Return the wanted brick, or the only brick if none was named; None if no such brick announces
-    itself.
+    """Return the wanted brick, or the only brick if none was named. Return None if no such brick
+    announces itself.
 
-    If no brick was named, all bricks must announce themselves before one is chosen. All bricks
+    If no brick was named, a brick is chosen only after all bricks have been heard. All bricks
     announce themselves at the same interval, so all have been heard when the first one announces
-    itself again. The search then ends.
+    itself again, and the search ends.
 
     Args:
         heard: Announcements with their times, in seconds. A computer with two connections to the
@@ -255,8 +255,7 @@ def _open_bluetooth(wanted: str) -> BrickLine:
     if _ID.fullmatch(wanted) is None:
         raise DriveError(
             "Bluetooth needs the brick's address, such as --brick 00:16:53:3f:0c:1e; the brick "
-            "shows "
-            "it under Settings, Brick Info, ID"
+            "shows it under Settings, Brick Info, ID"
         )
     address = shown_id(wanted).upper()
     if not hasattr(socket, "AF_BLUETOOTH"):

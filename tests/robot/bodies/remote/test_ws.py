@@ -90,7 +90,7 @@ def what_hangs_is_followed_by_no_second_and_cancelled_at_the_end() -> None:
     hanging = kept._send_one(hang())
     with pytest.raises(TimeoutError):
         hanging.result(0.01)
-    with pytest.raises(ConnectionError, match="has not taken the previous message yet"):
+    with pytest.raises(ConnectionError, match="the previous message has not been sent yet"):
         kept._send_one(hang())
     other = kept._send_one(hang(), "another topic")
     kept.close()
