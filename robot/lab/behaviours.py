@@ -1,5 +1,5 @@
 """Experiment on behaviours that the paper leaves to future work. The behaviours are taught in
-episodes, and judged by whether they fulfil their purpose."""
+episodes, and judged by how well they achieve their purpose."""
 
 from __future__ import annotations
 

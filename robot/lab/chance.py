@@ -1,5 +1,4 @@
-"""Measures the effect of chance on a figure, by the standard deviation of runs and by bootstrap
-intervals."""
+"""Measures the effect of chance on a result: standard deviations and bootstrap intervals."""
 
 from __future__ import annotations
 
@@ -32,8 +31,8 @@ def interval(values: Sequence[float]) -> tuple[float, float]:
 def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tuple[float, float]:
     """Return the 90 % bootstrap interval of the difference between two medians.
 
-    Half of the sum of squared differences (SSD) in one minute of driving is due to chance. Even
-    between the medians of two groups of sixty robots, a difference of a fifth may be due to chance.
+    Half of the sum of squared differences (SSD) of one minute of driving is due to chance. Even the
+    medians of two groups of sixty robots may differ by a fifth only by chance.
     """
     rng = np.random.default_rng(0)
     ours, theirs = (

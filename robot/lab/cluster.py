@@ -1,9 +1,9 @@
 """Runs tasks on the workers of a Dask cluster, one at a time per worker.
 
-Before its first task, a worker reports everything that affects its figures (`identify`). A worker
-whose report differs from this computer's gets no task. Each task is assigned to one worker, and
-reassigned if this worker is lost. A task is submitted as a call of Python's `eval` with a text,
-because scheduler and worker can unpickle such a call without this program.
+Before its first task, a worker reports everything that affects its results (`identify_all`). A
+worker whose report differs from this computer's gets no task. Each task is assigned to one worker,
+and reassigned if this worker is lost. A task is submitted as a call of Python's `eval`, because
+scheduler and worker can unpickle such a call without this program.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ _LOOK_S = 1.0
 """Interval at which the scheduler is asked for its workers, in seconds."""
 _FIRST_WORKER_S, _NO_WORKER_S = 10.0, 60.0
 """`run_on_cluster` gives up when there has been no worker for this time, in seconds:
-`_FIRST_WORKER_S` before the first worker comes, and `_NO_WORKER_S` later."""
+`_FIRST_WORKER_S` before the first worker has connected, and `_NO_WORKER_S` later."""
 _SILENT_S = 20.0
-"""Interval at which a worker that is silent or not yet identified is reported, in seconds."""
+"""Interval of the messages about a worker that is silent or not yet identified, in seconds."""
 _FROZEN_S = 60.0
 """Time after which the task of a silent worker is reassigned, in seconds; Dask waits for 300 s."""
 _FETCH_S = 3.0
-"""Longest time to fetch an answer, in seconds. Without this limit, the wait for a killed worker's
+"""Time limit for fetching an answer, in seconds. Without this limit, the wait for a killed worker's
 answer would not end.
 """
 _MOST_LOSSES = 3
-"""Number of workers lost by the same task after which the experiment ends with an error."""
+"""Number of lost workers with the same task after which the experiment ends with an error."""
 
 OnWorkers = Callable[[int, str], object]
 """A callback that receives the number of workers in use, and a sentence about the latest change.
@@ -87,9 +87,9 @@ def run_packed(packed: bytes) -> Outcome:
 def _tidy_up() -> None:
     """Free the memory that a finished trial still occupies on a worker.
 
-    A trial's objects have reference cycles and take some MB. In a process with as many objects as
-    Dask's, Python rarely collects such cycles. Dask's profiler also keeps samples of call stacks,
-    for about a thousand seconds. This function collects the cycles and deletes the samples.
+    A trial's objects occupy some MB, and have reference cycles, which Python rarely collects in a
+    process with as many objects as Dask's. Dask's profiler also keeps samples of call stacks for
+    about a thousand seconds. This function collects the cycles and deletes the samples.
     """
     gc.collect()
     with contextlib.suppress(AttributeError, ValueError):
@@ -100,8 +100,8 @@ def _tidy_up() -> None:
 
 @dataclass(slots=True)
 class _Worker:
-    """A worker, its task, and the time of its last message, by the scheduler's clock and by our
-    clock."""
+    """A worker, its task, and the time of its last message, by the scheduler's clock (`heard`) and
+    by our clock (`heard_s`)."""
 
     name: str
     began_s: float
@@ -150,7 +150,8 @@ class _Run:
     # Workers -------------------------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Note new and lost workers; raises if there is no worker to wait for."""
+        """Note new and lost workers. Raises ConfigurationError if waiting for a worker is
+        pointless."""
         try:
             found = self._client.sync(
                 self._client.scheduler.identity, callback_timeout=_CONNECT_S, n_workers=-1
@@ -194,8 +195,8 @@ class _Run:
             self._lost[worker.key] += losses
             if self._lost[worker.key] >= _MOST_LOSSES:
                 raise ConfigurationError(
-                    f"the run {self._tasks[worker.key]} was tried {_MOST_LOSSES} times, and each "
-                    "time its worker was lost; do the workers have enough memory?"
+                    f"the run {self._tasks[worker.key]} was started {_MOST_LOSSES} times, and its "
+                    "worker was lost each time; do the workers have enough memory?"
                 )
             self._todo.append(worker.key)
         self._report(f"the worker at {worker.name} {why}")
@@ -217,8 +218,8 @@ class _Run:
         if now_s - self._alone_since_s > patience_s:
             raise ConfigurationError(
                 f"the Dask scheduler at {self._scheduler} has had no worker for {patience_s:.0f} "
-                "s; all finished tasks are kept. A worker that ends immediately says why in its "
-                f"own output. Start workers with: dask worker {self._scheduler} --nthreads 1"
+                "s; finished tasks are kept. If workers end immediately, read their output. "
+                f"Start workers with: dask worker {self._scheduler} --nthreads 1"
             )
 
     def _report(self, change: str) -> None:
@@ -262,7 +263,7 @@ class _Run:
             self._judge(address, worker, answer)
 
     def _take_failure(self, address: str, worker: _Worker, future: Any, key: str) -> None:
-        """Handle a task without an answer: it was not run, or its worker was lost."""
+        """Handle a task without an answer: it could not be run, or its worker was lost."""
         error = future.exception() if future.status == "error" else None
         is_lost = error is None or type(error).__name__ == "KilledWorker"
         if is_lost or not key:
@@ -308,7 +309,7 @@ def _close(client: Any) -> None:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence the library's logs, because errors are reported here in one sentence."""
+    """Silence the library's logs, because this module reports errors in one sentence."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     levels = {log: log.level for log in map(logging.getLogger, names)}
     for log in levels:

@@ -52,8 +52,8 @@ class FramesToLearn(NamedTuple):
     Attributes:
         frames: Maximum number of frames; None means all frames.
         in_a_row: True to learn the first frames, as when a pilot teaches; False to learn frames
-            that are spread evenly over the drive, so that a few of them already show all of it.
-            Learned frames that are spread evenly favour learners that need few examples.
+            that are spread evenly over the drive. A few such frames already show the whole drive,
+            which favours learners that need few examples.
     """
 
     frames: int | None = None
@@ -80,7 +80,7 @@ WHOLE_DRIVE = FramesToLearn()
 def load_pairs(folder: Path | str) -> list[Pair]:
     """Load the recordings of all places in a folder. A place X has the recordings X_A.npz and
     X_B.npz, and yields two pairs: train on A and test on B, and the reverse. Raises RecordingError
-    if there is no such folder or pair, or a recording is broken."""
+    if there is no such folder or pair, or if a recording is damaged."""
     # imported here, because it is part of another extension
     from robot.exchange.npz import load_recording
 
@@ -111,7 +111,7 @@ def evaluate(
     light: float = 1.0,
     lessons: Sequence[FramesToLearn] = (WHOLE_DRIVE,),
 ) -> Iterator[Result]:
-    """Teach each learner each lesson of each pair, and test it. Yield the figures of `judge`, with
+    """Teach each learner each lesson of each pair, and test it. Yield the results of `judge`, with
     the names of learner, lesson and pair.
 
     Args:
@@ -162,10 +162,10 @@ def judge(policy: Policy, train: Seen, test: Seen, lesson: FramesToLearn = WHOLE
     Returns:
         Shares between 0 and 1. `calibration_error` is the expected difference between confidence
         and accuracy in ten equal bins of confidence (Guo et al. 2017). `novel` is the share of
-        views unlike all examples. If the drives have angles, there are also the mean error and the
-        correlation of the angles, and the root mean square of their change from frame to frame. The
-        change from frame to frame is small if the driving is smooth. `learn_ms` and `predict_ms`
-        are the times per frame on this machine, without the extraction of features.
+        frames that are unlike all examples. If the drives have angles, there are also the mean
+        error and the correlation of the angles, and the root mean square of their change from frame
+        to frame, which is small if the driving is smooth. `learn_ms` and `predict_ms` are the times
+        per frame on this machine, without the extraction of features.
     """
     started_s = time.perf_counter()
     n_taught = teach(policy, train, lesson)
@@ -252,7 +252,7 @@ _MEASURES = {
 
 def table(results: Sequence[Result]) -> Table:
     """Return a table with one row for each pair, learner and lesson. At the end of the table, each
-    learner and lesson has one more row with the mean of each figure over all pairs, or the median
+    learner and lesson has one more row with the mean of each measure over all pairs, or the median
     of each time."""
     names = ("place", "train", "test", "learner", "lesson")
     rows: list[tuple[Cell, ...]] = [
@@ -267,7 +267,7 @@ def table(results: Sequence[Result]) -> Table:
 
 
 def _measures(results: Sequence[Result]) -> Iterator[str]:
-    """Yield the measures of some results as text; empty if no result has the measure."""
+    """Yield each measure of some results as text; an empty text if no result has the measure."""
     for name in _MEASURES.values():
         known = [r[name] for r in results if r[name] is not None]
         join = statistics.median if name.endswith("_ms") else statistics.fmean

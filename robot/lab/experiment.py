@@ -34,13 +34,13 @@ class ExperimentSettings:
         return 1 if self.quick else self.seeds
 
     def taught(self, place: Params) -> Params:
-        """Return the parameters of a place, with the teacher that the settings name, if any."""
+        """Return the parameters of a place, with the teacher of the settings, if they have one."""
         return {**place, "teacher": self.teacher or place["teacher"]}
 
     @property
     def learner(self) -> str:
-        """Return the only learner, for experiments that do not accept several; raises
-        ConfigurationError if the settings name more than one."""
+        """The learner, for experiments that accept only one. Raises ConfigurationError if the
+        settings contain several."""
         if len(self.learners) > 1:
             raise ConfigurationError(
                 "habits, ready and degrees take only one --learner, not " + ", ".join(self.learners)
@@ -50,7 +50,7 @@ class ExperimentSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
-    """A plot for matplotlib: lines over numbers, or points beside names.
+    """A plot for matplotlib: lines over numbers, or one point for each name.
 
     Attributes:
         series: For each series its name, the x values or names, and the y values; None for a
@@ -73,8 +73,8 @@ def seeded(
     first: int = 0,
     least: int = 1,
 ) -> Iterator[Task]:
-    """Yield each case with several seeds, which count up from `first`. The number of seeds is a
-    setting of the experiment, but not less than `least`."""
+    """Yield each case with several successive seeds, beginning with `first`. There are as many
+    seeds as the settings say, and at least `least`."""
     for case in cases:
         for seed in range(max(least, settings.n_seeds)):
             yield Task(run, {**case, "seed": first + seed})
@@ -87,11 +87,11 @@ class Experiment:
     Attributes:
         plan: Makes the tasks to run.
         tables: Makes the tables of the results.
-        drawn: Columns of each table that are also plotted, with one place on the horizontal axis
+        drawn: Columns of each table that are also plotted, with one position on the horizontal axis
             for each row.
         plots: Makes plots in addition to those of `drawn`.
-        times_machine: True if the experiment measures computing time. Its runs are then made one
-            after the other on this machine.
+        times_machine: True if the experiment measures computing time. Its runs are then made on
+            this machine, one after the other.
     """
 
     title: str

@@ -33,7 +33,7 @@ PUBLISHED = {
     "published-64": (614.5, 40.5),
     "published-128": (616.1, 36.6),
 }
-"""The paper's figures: mean and standard deviation of the number of correct frames out of 700."""
+"""The paper's results: mean and standard deviation of the number of correct frames out of 700."""
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
@@ -49,8 +49,8 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def recorded_tasks(settings: ExperimentSettings, learners: Iterable[str]) -> Iterator[Task]:
-    """Yield a task for every learner on every pair of recordings. If the settings name no folder of
-    recordings, there are no tasks."""
+    """Yield a task for every learner on every pair of recordings. Without a folder of recordings,
+    there are no tasks."""
     pairs = recorded_pairs(Path(settings.recordings)) if settings.recordings else []
     for (train, test), learner in product(pairs[:2] if settings.quick else pairs, learners):
         params = {"train": str(train), "test": str(test), "learner": learner}

@@ -1,5 +1,5 @@
-"""Repeats the paper's figure 5: cycles per second on this machine by number of nodes, including
-camera and drive."""
+"""Repeats the paper's figure 5: cycles per second on this machine, by number of nodes. A cycle
+includes camera and motors."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PUBLISHED = {
     "published-32": (7.13, 2.33),
     "published-64": (4.0, 1.57),
 }
-"""The paper's figures: cycles a second on the EV3 while learning, and while applying."""
+"""The paper's results: cycles a second on the EV3 while learning, and while applying."""
 _COLUMNS = ("learning", "applying", "paper (EV3) learning", "paper (EV3) applying")
 
 
@@ -59,9 +59,9 @@ def _tables(runs: Runs) -> list[Table]:
 def run_cycles(params: Params) -> Result:
     """Measure cycles a second while learning and while applying, on this machine.
 
-    Parameters: `learner`, `robot` (`sim` runs as fast as possible; with another robot the camera
-    sets the pace), `cycles` (how many are timed). The learner is filled to its maximum number of
-    nodes first.
+    Parameters: `learner`; `robot` (`sim` runs as fast as possible; any other robot runs at the pace
+    of its camera); `cycles` (number of timed cycles). The learner is filled to its maximum number
+    of nodes first.
     """
     policy = make_learner(params["learner"], DEFAULT_MOVES)
     frames = sample_frames(policy.max_nodes + 8)
@@ -79,8 +79,8 @@ def run_cycles(params: Params) -> Result:
 
 
 def _pictures(rig: Rig, loop: ControlLoop) -> Generator[int]:
-    """Yield the number of each new picture. The wheels of a real robot turn during the measurement,
-    so put the robot on a stand."""
+    """Yield the number of each new picture. Put a real robot on a stand first, because its wheels
+    turn during the measurement."""
     driver, camera, last = rig.driver, rig.camera, 0
     if isinstance(driver, SimDriver) and isinstance(camera, SimCamera):
         driver.connect()

@@ -8,7 +8,7 @@ from typing import NamedTuple
 Shrinking = NamedTuple(
     "Shrinking", [("step", int), ("left", int), ("top", int), ("width", int), ("height", int)]
 )
-"""A plan to reduce a picture: every `step`-th pixel is used, beginning at (`left`, `top`), to make a
+"""A plan to reduce a picture: take every `step`-th pixel, beginning at (`left`, `top`), to make a
 picture of `width` x `height` pixels."""
 
 

@@ -23,14 +23,14 @@ class BaselineKind:
 
     Attributes:
         make: Returns a new model. Its arguments are the library's class, the number at the end of
-            the learner's name (5 in `knn-5`), and the number of examples. The second argument is a
-            number of neighbours, trees or hidden units, or a penalty.
-        library: Module and class, and the extra that installs them.
-        features: The learner's features. For a fair comparison, a learner on gradients, as the
-            default learner has, also gets the default learner's action filter. A learner on grey
-            values or colours gets none.
-        is_eager: True if the learner is fitted again after every example, and not only whenever the
-            number of examples has grown by a tenth.
+            the learner's name (5 in `knn-5`), and the number of examples. The number in the name is
+            a number of neighbours, trees or hidden units, or a penalty.
+        library: Module, class, and the extra that installs the library.
+        features: The learner's features. For a fair comparison, a learner with gradient features,
+            like the default learner, also gets the default learner's action filter. A learner with
+            grey values or colours gets none.
+        is_eager: True if the learner is fitted again after every example; False if only whenever
+            the number of examples has grown by a tenth.
         is_angular: True if the learner learns only the angle, by regression.
     """
 

@@ -1,5 +1,5 @@
 """Wraps a classifier of another library in the interface of a learner. The learner stores every
-example, and after new examples it fits the classifier again before the next prediction."""
+example. Before a prediction, it fits the classifier again if there are new examples."""
 
 from __future__ import annotations
 
@@ -111,9 +111,8 @@ class Baseline(Stateful, BaseLearner):
 
 def _tenth_parts(n_examples: int) -> int:
     """Return the number of examples at which the classifier was last fitted. The classifier is
-    fitted at each of the first 20 examples. Later it is fitted whenever the number of examples has
-    grown by a
-    tenth: at 22, 24 ... 30, 33 and so on."""
+    fitted at each of the first 20 examples, and later whenever the number of examples has grown by
+    a tenth: at 22, 24 ... 30, 33 and so on."""
     count = 1
     while (following := count + max(1, count // 10)) <= n_examples:
         count = following
@@ -169,7 +168,7 @@ class AngleBaseline(Baseline):
 
 
 class AnglePolicy(Policy):
-    """An action filter that steers by the angle that the learner predicts, not by the pilot's usual
+    """A policy that steers by the angle that the learner predicts, and not by the pilot's usual
     angle for the move."""
 
     def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:

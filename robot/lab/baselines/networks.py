@@ -1,4 +1,4 @@
-"""Small neural networks on colour pixels, fitted again in batch as examples are added."""
+"""Small neural networks on colour pixels, fitted again to all examples as examples are added."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _RATE, _DECAYS, _TINY = 0.001, (0.9, 0.999), 1e-8
 
 
 class ColourFeatures(GreyFeatures):
-    """Colour features: RGB, 40x30, averaged over areas, 3600 bytes. Learners on these features have
-    no images to show."""
+    """Colour features: 40x30 RGB pixels, averaged over areas; 3600 bytes. Learners with these
+    features have no images to show."""
 
     name = "colour"
 
@@ -45,8 +45,8 @@ class BatchNetwork:
         self.classes_: Sequence[Label] = ()
 
     def fit(self, xs: Floats, ys: list[Any]) -> None:
-        """Fit the network in passes over the examples, each in another order. Equal examples yield
-        equal networks."""
+        """Fit the network in several passes over the examples, each in a different order. Equal
+        examples yield equal networks."""
         scaled, targets, classes = xs / 127.5 - 1.0, np.array(ys), {}
         if isinstance(ys[0], str):
             found, targets = np.unique(targets, return_inverse=True)
@@ -112,8 +112,8 @@ class ConvolutionalNetwork:
     def partial_fit(
         self, xs: Floats, ys: NDArray[Any], classes: Sequence[int] | None = None
     ) -> None:
-        """Make one step of Adam on some examples; `ys` are the numbers of classes, or without a
-        softmax the target values."""
+        """Make one step of Adam on some examples. `ys` are the numbers of classes, or the target
+        values if there is no softmax."""
         self.step(xs, ys[:, None] if classes is None else np.eye(len(classes))[ys])
 
     def step(self, xs: Floats, targets: NDArray[Any]) -> None:

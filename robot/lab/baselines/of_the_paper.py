@@ -23,8 +23,8 @@ class Prototypes:
     """A classifier on top of a clustering: each image predicts the labels of its nearest examples.
 
     Args:
-        cluster: Trains a net on the given frames, once and in order; returns the net's images,
-            shape (n, d).
+        cluster: Trains a net on the given frames, once each and in order; returns the net's
+            images, shape (n, d).
     """
 
     def __init__(self, cluster: Callable[[Images], Images]) -> None:
@@ -50,8 +50,7 @@ class Prototypes:
 
 
 def som(make: Any, number: int, n_examples: int) -> Prototypes:
-    """Return a self-organizing map with about `number` images, as nearly square as this number
-    allows."""
+    """Return a self-organizing map of about `number` images, as nearly square as possible."""
     rows = math.isqrt(number)
 
     def cluster(xs: Images) -> Images:
@@ -78,12 +77,12 @@ def gng(make: Any, number: int, n_examples: int) -> Prototypes:
 
 
 KEPT, SHIFTS = 200, [shift for shift in range(-7, 8) if shift]
-"""ALVINN's training set contains `KEPT` pictures. Each frame is added together with copies that are
-shifted sideways by `SHIFTS` pixels; a frame is 40 pixels wide."""
+"""ALVINN's training set contains `KEPT` pictures. Each frame, which is 40 pixels wide, is added
+together with copies that are shifted sideways by `SHIFTS` pixels."""
 
 
 class RotatingSet:
-    """ALVINN: after each frame, one pass over a set of recent frames and their variations.
+    """ALVINN: after each frame, makes one pass over a set of recent frames and shifted copies.
 
     Args:
         network: A scikit-learn network that has `partial_fit`.

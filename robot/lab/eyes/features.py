@@ -35,8 +35,8 @@ class EyesFeatures(PictureFeatures):
     n_outputs = n_others = n_rows * n_columns * CHANNELS
     contrast = 4
     step = 24.0
-    """An element of the vector changes by this number if an output of the network changes by one
-    standard deviation. The mean output has the value 128."""
+    """Change of an element of the vector if an output of the network changes by one standard
+    deviation. The mean output has the value 128."""
     penalty = 0.2
     """Penalty of the linear part.
 
@@ -47,9 +47,9 @@ class EyesFeatures(PictureFeatures):
     """Extra weight of rare labels. A low weight is enough: with the features of a vision net, a
     robot learns a turn from few examples."""
     novelty_margin = 0.3
-    """A corner that the robot has never seen seems more novel by the network's outputs than by
-    gradients. The default margin would be too small: after a short lesson a robot would ask for
-    help three times as often, and drive no better."""
+    """Margin of the novelty. By the network's outputs, an unknown corner seems more novel than by
+    gradients. With the default margin, a robot would ask for help three times as often after a
+    short lesson, and drive no better."""
 
     def __init__(self) -> None:
         self._network = Network()

@@ -22,7 +22,7 @@ WIDTH, HEIGHT = 160, 128
 CHANNELS, ROWS, COLUMNS = 80, 8, 10
 """Shape of the output: one number for each channel in each part of the picture."""
 GREY, RANGE = 127.0, 128.0
-"""In the training of the net, its inputs were (grey level - `GREY`) / `RANGE`."""
+"""The net was trained on inputs (grey level - `GREY`) / `RANGE`."""
 _HERE = Path(__file__).parent
 
 
@@ -35,7 +35,7 @@ class Network:
 
     def __init__(self) -> None:
         cv2 = need("cv2", "a learner of the kind eyes", "camera")
-        what = "the net of the learner eyes cannot be read; install drivelesson again"
+        what = "the files of the learner eyes cannot be read; install drivelesson again"
         with told_as(ConfigurationError, what, OSError, ValueError, cv2.error):
             usual, spread = np.load(_HERE / "usual.npy", allow_pickle=False)
             file = np.frombuffer((_HERE / "net.onnx").read_bytes(), np.uint8)

@@ -55,7 +55,7 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def _plots(runs: Runs) -> list[Plot]:
-    """Return two plots for each world: the score over the number of examples, and over the
+    """Return two plots for each world: the score against the number of examples, and against the
     number of takeovers."""
     return [
         Plot(
@@ -74,7 +74,7 @@ def _plots(runs: Runs) -> list[Plot]:
 
 
 def _means(results: Sequence[Result], name: str) -> list[float]:
-    """Return the mean of a figure over the runs, at each stage."""
+    """Return the mean of a measure over the runs, at each stage."""
     stages = zip(*(result["stages"] for result in results), strict=True)
     return [float(np.mean([run[name] for run in own])) for own in stages]
 

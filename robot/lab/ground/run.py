@@ -1,5 +1,4 @@
-"""Runs one learner in one third-party world. The learner is taught some examples and drives
-unaided, is taught more and drives unaided again, and so on."""
+"""Runs one learner in one third-party world. Teaching and unaided driving alternate."""
 
 from __future__ import annotations
 
@@ -12,24 +11,23 @@ from robot.lab.task import Params, Result
 from robot.types import Action, Prediction
 
 FIRST_EXAMPLES = 50
-"""Number of examples in the first demonstration. Only after the demonstration does the robot drive,
-and the teacher corrects it or answers its requests for help."""
+"""Number of examples in the first demonstration. After the demonstration the robot drives, and the
+teacher corrects it or answers its requests for help."""
 WRONG_FOR = 2
 """Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
-"""When the teacher corrects the robot, the teacher drives for at least this number of decisions.
-The robot drives again as soon as it then proposes the same move as the teacher."""
+"""Minimum number of decisions for which the teacher drives after a correction. Then the robot
+drives again as soon as it proposes the same move as the teacher."""
 UNSURE = 0.6
-"""Confidence below which a robot asks, if it may ask at all. A robot that may ask also asks
-whenever Drivelesson's own loop would ask."""
+"""Confidence below which a robot asks for help, if it may ask. Such a robot also asks whenever
+Drivelesson's own loop would ask."""
 _PATIENCE = 20
-"""Teaching ends at the latest after this number of decisions for each example that the learner
-lacked at the beginning. A limit is needed, because a robot that makes no mistakes gets no
-corrections."""
+"""Maximum number of decisions for each example that the learner lacked at the beginning. Then
+teaching ends, because a robot that makes no mistakes gets no corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
-"""Name of the scripted teacher in place of a learner's name: the teacher then drives and is
-scored."""
+"""Name that stands for the scripted teacher in place of a learner: the teacher drives, and its
+score is measured."""
 
 
 def run_ground(params: Params) -> Result:
@@ -75,7 +73,7 @@ class Course:
         self.takeovers = self.decisions = 0
 
     def teach(self, count: int) -> None:
-        """Go on teaching until the learner has `count` examples, or makes no mistakes any more."""
+        """Continue teaching until the learner has `count` examples, or no longer makes mistakes."""
         most = self.decisions + _PATIENCE * (count - self._learner.n_examples)
         while self._learner.n_examples < count and self.decisions < most:
             self._drive(count, most)

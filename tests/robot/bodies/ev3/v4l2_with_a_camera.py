@@ -96,7 +96,7 @@ def test_what_a_camera_offers_is_described(monkeypatch: pytest.MonkeyPatch) -> N
     ("wanted", "said"),
     [
         ({"device": "/dev/video77"}, r"no camera at /dev/video77 \(No such file.*; .*--device$"),
-        ({"encoding": "jpeg"}, f"the camera {DEVICE} gives no jpeg; it offers: YUYV$"),
+        ({"encoding": "jpeg"}, f"the camera {DEVICE} does not support jpeg; it supports: YUYV$"),
     ],
 )
 def test_a_missing_camera_is_one_clear_line(wanted: dict[str, str], said: str) -> None:

@@ -210,7 +210,7 @@ def what_listens_for_another_type_is_a_sentence() -> None:
             driver_for(cmd_vel_topic="/nobody").connect()
         found = dds.neighbours_of(own_domain(), ["127.0.0.1"], "", RealClock(), 0.2)
         assert suggest(found) == ["--watchdog", "true"]
-        with pytest.raises(DriveError, match="already, with another"):
+        with pytest.raises(DriveError, match="already uses ROS domain"):
             dds.neighbours_of(own_domain(), [], "", RealClock(), 0.2)
 
 
@@ -218,7 +218,7 @@ def others_on_the_topic_are_in_the_log(caplog: pytest.LogCaptureFixture) -> None
     caplog.set_level(logging.WARNING, "robot.bodies.ros")
     with DdsRobot(own_domain()) as robot, driver_for(watchdog=True) as driver:
         other = robot.writer("/drivelesson/cmd_vel", STAMPED)
-        wait_until(lambda: "another node also publishes /drivelesson/cmd_vel" in caplog.text)
+        wait_until(lambda: "another node publishes /drivelesson/cmd_vel, too" in caplog.text)
         driver.send_action(Action.FORWARD)
         wait_until(lambda: any(robot.drives))
         del other

@@ -81,7 +81,7 @@ def test_the_advice_fits_the_refused_request() -> None:
     for said, is_stamped, has_watchdog, do in (
         (TEXTS[0], False, False, "--stamped true"),
         (TEXTS[0], True, False, "another topic"),
-        ("has type geometry_msgs/msg/Twist", True, False, "leave --stamped out"),
+        ("has type geometry_msgs/msg/Twist", True, False, "omit --stamped"),
         ("has type geometry_msgs/msg/Twist", True, True, "watchdog"),
         (TEXTS[1], False, False, "topics_glob"),
         ("no idea", False, False, ""),
