@@ -150,8 +150,7 @@ class _Run:
     # Workers -------------------------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Note new and lost workers. Raises ConfigurationError if waiting for a worker is
-        pointless."""
+        """Note new and lost workers. Raises ConfigurationError if no worker can be expected."""
         try:
             found = self._client.sync(
                 self._client.scheduler.identity, callback_timeout=_CONNECT_S, n_workers=-1

@@ -76,14 +76,14 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def _drives(results: Iterable[Result], phases: Sequence[str] = ("before", "after")) -> list[Result]:
-    """Return the figures of each unaided drive of some runs, with the teacher's figures under
+    """Return the measures of each unaided drive of some runs, with the teacher's measures under
     `teacher`."""
     return [result[phase] for result in results for phase in phases if phase in result]
 
 
 def _share(drives: Sequence[Result], name: str) -> float:
-    """Sum a figure over all drives of the robots and over those of their teachers. Return the ratio
-    of the two sums; 0 if the teachers' sum is 0."""
+    """Sum a measure over all drives of the robots, and over all drives of their teachers. Return
+    the ratio of the two sums; 0 if the teachers' sum is 0."""
     whole = float(sum(own["teacher"][name] for own in drives))
     return float(sum(own[name] for own in drives)) / whole if whole else 0.0
 
@@ -147,10 +147,9 @@ def run_habit(params: Params) -> Result:
     """Run one robot of this experiment: teach it, let it drive unaided, correct it, let it drive
     unaided again. For comparison, the pilot then drives from where the robot began to drive.
 
-    One minute is too short to drive through the whole place. From different starting points, their
-    drives would therefore differ. The pilot also drives at the frame rate of the lesson. With ten
-    pictures a second a pilot reacts later than with thirty, and therefore follows a wall
-    differently.
+    One minute is too short to drive through the whole place, so drives from different starting
+    points would differ. The pilot also drives at the frame rate of the lesson: with ten pictures a
+    second a pilot reacts later than with thirty, and therefore follows a wall differently.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s`.
@@ -176,9 +175,9 @@ def taught_by(habit: Habit, name: str, params: Params) -> Trial:
 def beside_pilot(
     drive: DriveLog, taught: DriveLog, habit: Habit, name: str, params: Params, n_minutes: int
 ) -> dict[str, Any]:
-    """Return the figures of a robot's minute, and of its pilot's minute from the same start.
+    """Return the measures of a robot's drive, and of its pilot's drives from the same start.
 
-    The pilot's longest push may be one in the lesson, because the robot may have learned it there.
+    Pushes in the lesson count as the pilot's, too, because the robot may have learned them there.
     """
     minutes = [
         drive_by_hand(
@@ -209,8 +208,8 @@ def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
     the sum of squared differences (SSD).
 
     A pilot who drives in curves soon circles in one place. If robot and pilot drove separately,
-    they would circle in different places, and therefore make different moves. In the same place,
-    robot and pilot differ only in their moves.
+    they would circle in different places, and therefore make different moves. Compared in the same
+    situations, they differ only in their moves.
     """
     pilot.change_mode(Mode.TRAIN)
     held = DriveLog()

@@ -38,7 +38,7 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
     """Return a policy.
 
     Args:
-        name: `default-32`, the name of an entry point, or `path.py:Name`. `path.py:Name` names a
+        name: A built-in name such as `default-32`, the name of an entry point, or `path.py:Name`: a
             class or function that, called without arguments, returns a `Policy` or a `Learner`. A
             `Learner` gets the features and the action filter of the default learner.
         moves: The moves that the policy may propose.
@@ -98,7 +98,7 @@ def _make_idea(name: str, group: str) -> Any:
             return getattr(_load_file(Path(file)), attribute)()
     except Exception as error:  # a user's own file may raise any error
         raise ConfigurationError(
-            f"the idea {name} cannot be used: {type(error).__name__}: {error}"
+            f"{name} cannot be used: {type(error).__name__}: {error}"
         ) from error
     return None
 

@@ -1,4 +1,4 @@
-"""Identifies everything that affects a run's figures: the program, Python, its libraries, and the
+"""Identifies everything that affects a run's results: the program, Python, its libraries, and the
 arithmetic.
 
 The workers of a cluster get this file as text and run it, even if this program is not installed
@@ -16,12 +16,12 @@ from pathlib import Path
 
 MISSING = "missing"
 LIBRARIES = ("numpy", "panda3d", "opencv-python-headless", "scikit-learn", "river")
-"""Libraries that affect figures. Installed packages that extend this program do so, too; `identify`
+"""Libraries that affect results. Packages that extend this program affect results, too; `identify`
 finds them by their entry points."""
 
 
 def identify() -> dict[str, str]:
-    """Return the versions of all code that affects this process's figures; `MISSING` for absent
+    """Return the versions of all code that affects this process's results; `MISSING` for absent
     code."""
     return {
         "drivelesson": fingerprint(_program()),
@@ -47,7 +47,7 @@ def differences(ours: Mapping[str, str], theirs: Mapping[str, str]) -> list[str]
         if name != "arithmetic" and ours.get(name, MISSING) != theirs.get(name, MISSING)
     ]
     if not found and ours["arithmetic"] != theirs["arithmetic"]:
-        found = ["its sums differ in the last digits (another processor, or OMP_NUM_THREADS not 1)"]
+        found = ["sums differ in the last digits (another processor, or OMP_NUM_THREADS is not 1)"]
     return found
 
 
@@ -65,8 +65,8 @@ def fingerprint(folder: Path | None) -> str:
 def arithmetic() -> str:
     """Return a fingerprint of numpy's results on this machine, to the last digit.
 
-    The results depend on the processor and the linear algebra library. The results also depend on
-    the number of threads, because each thread adds up a part of a sum.
+    The results depend on the processor, on the linear algebra library, and on the number of
+    threads, because each thread adds up a part of a sum.
     """
     try:
         import numpy as np
@@ -96,8 +96,8 @@ def arithmetic() -> str:
 
 
 def _program() -> Path | None:
-    """Return the folder of the package `robot` if it is this program's and not Robot
-    Framework's."""
+    """Return the folder of this program's package `robot`. Return None if it is missing, or if
+    `robot` is Robot Framework."""
     try:
         found = importlib.util.find_spec("robot")
     except (ImportError, ValueError):

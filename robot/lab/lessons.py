@@ -25,15 +25,14 @@ TRIALS: dict[int, dict[str, Any]] = {
     2: {"world": "office", "moves": ("forward", "left"), "teacher": "usual"},
     3: {"world": "office", "moves": ("forward", "left", "right"), "teacher": "habit"},
 }
-"""The paper's three trials: their places and moves are the paper's, their teachers are this
-project's."""
+"""The paper's three trials. Places and moves are those of the paper; the teachers are our own."""
 _RETRAINED = {"teach_s": 90.0, "correct_s": 330.0, "alone_s": 60.0}
 _SONAR = {"world": "box", "moves": ("forward", "left"), "teacher": "sonar"}
 
 
 def run_lesson(params: Params) -> Result:
-    """Teach a robot, let it drive unaided, correct it, let it drive unaided again. Return the
-    figures of each phase.
+    """Teach a robot, let it drive unaided, correct it, and let it drive unaided again. Return the
+    measures of each phase.
 
     Parameters: `world`, `learner`, `teacher`, `moves`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s`. At the end the teacher drives for another `reference_s` seconds, so that the
@@ -62,8 +61,8 @@ def run_lesson(params: Params) -> Result:
 def ssd_tables(
     results: Iterable[tuple[str, str, Result]], *published: tuple[str, str, tuple[Cell, ...]]
 ) -> list[Table]:
-    """Return tables of SSD. In each table the paper's rows (title, name, figures) come before our
-    rows."""
+    """Return tables of SSD. In each table the paper's rows (title, name, numbers) come before our
+    own rows."""
     made = []
     for table in tables_of(results, SSD_COLUMNS, "SSD"):
         missing = (None,) * len(SSD_COLUMNS)
@@ -144,8 +143,8 @@ def _trials(settings: ExperimentSettings) -> Iterable[Params]:
 
 
 def _tables_by_trial(runs: Runs) -> list[Table]:
-    """Return one table for each trial. Its rows describe three minutes of driving: the
-    robot's before retraining, the robot's after retraining, and the teacher's."""
+    """Return one table for each trial. Its rows describe one minute each: of the robot before
+    retraining, of the robot after retraining, and of the teacher."""
     titles = {
         trial: f"Trial {trial}: {setting['world']}, {', '.join(setting['moves'])}"
         for trial, setting in TRIALS.items()

@@ -126,7 +126,7 @@ def is_stuck(log: DriveLog) -> bool:
 
 
 def asking_share(log: DriveLog) -> float:
-    """Return the share of ticks on which the robot did not know the view."""
+    """Return the share of ticks on which the robot asked for help."""
     return sum(moment.asks_pilot for moment in log) / max(len(log), 1)
 
 
@@ -142,7 +142,7 @@ def agreement(log: DriveLog) -> float | None:
 
 
 def figures(log: DriveLog) -> dict[str, float]:
-    """Return the figures of a drive that all experiments report."""
+    """Return the measures of a drive that all experiments report."""
     return {
         "longest_push_s": longest_push_s(log),
         "pushing_s_per_min": pushing_s_per_minute(log),
@@ -156,7 +156,7 @@ def figures(log: DriveLog) -> dict[str, float]:
 
 
 def against(log: DriveLog, teacher: DriveLog, moves: tuple[Action, ...]) -> dict[str, Any]:
-    """Return the figures of a drive, with the difference between the robot's Behavior Profile and
+    """Return the measures of a drive, with the difference between the robot's Behavior Profile and
     the teacher's."""
     difference = compare(teacher.profile(), log.profile(), moves)
     rare = rare_moves(move_shares(teacher.actions()), move_shares(log.actions()))
@@ -193,8 +193,8 @@ def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
 
 
 RARE_SHARE = 0.05
-"""Share of ticks below which a move is rare. The sum of squared differences ignores rare moves. If
-rare moves counted, a move that a person made once by mistake could add 200 to the sum."""
+"""Share of ticks below which a move is rare. `ssd_frequent` ignores rare moves, because a move that
+a person made only once, by mistake, could add 200 to the sum of squared differences."""
 
 
 def move_shares(moves: Sequence[Action]) -> dict[Action, float]:

@@ -1,4 +1,4 @@
-"""Runs a task, and returns an outcome that another process can unpickle."""
+"""Runs a task, and returns an outcome that can be pickled for another process."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ class TrialError(RobotError):
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The result of a run, or its error in words, because errors of a plugin may not be
-    picklable."""
+    """The result of a run, or its error as text, because a plugin's error may not be picklable."""
 
     result: Result | None = None
     error: str = ""
@@ -36,8 +35,8 @@ class Outcome:
 
 
 Contents = Mapping[str, tuple[str, bytes]]
-"""The files that a task's parameters refer to: maps a parameter's value to the path and the content
-of its file."""
+"""The files to which a task's parameters refer: maps a parameter's value to the path and content of
+its file."""
 
 
 def contents_of(task: Task) -> Contents:
@@ -47,8 +46,7 @@ def contents_of(task: Task) -> Contents:
 def run_task(task: Task, contents: Contents | None = None) -> Outcome:
     """Run a task; never raises an Exception.
 
-    `contents` contains the task's input files. A machine that has the input files does not need
-    `contents`.
+    `contents` contains the task's input files, for a machine that does not have these files.
     """
     try:
         return Outcome(result=task.run(_placed(task.params, contents or {})))

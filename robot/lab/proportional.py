@@ -1,5 +1,5 @@
-"""Experiment: does a robot drive more smoothly if its pilot steers proportionally than if he can
-only choose moves?"""
+"""Experiment: does a robot drive more smoothly if its pilot steers proportionally than if the pilot
+can only choose moves?"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests whether a robot that the page calls ready is ready.
+"""Tests whether a robot that the page calls ready is really ready.
 
 Forty pilots follow the page's hints; then the robot drives for a minute.
 """
@@ -82,8 +82,8 @@ def run_ready(params: Params) -> Result:
     ready, or after `limit_s`, let it drive without help for a minute.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`. `missing` in
-    the result is the page's list of what the robot still has to learn. The list is that after
-    `in_time_s` seconds, or that at the end if the robot is ready earlier.
+    the result is the page's list of what the robot still has to learn, after `in_time_s` seconds,
+    or at the end if the robot is ready earlier.
     """
     habit, lesson = HABITS[params["habit"]], Lesson()
     limit_s, in_time_s = params["limit_s"], params["in_time_s"]

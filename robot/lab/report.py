@@ -1,4 +1,5 @@
-"""All results in one self-contained HTML file: tables, plots, and the way to reproduce them."""
+"""Writes all results to one self-contained HTML file: tables, plots, and the command that made
+them."""
 
 from __future__ import annotations
 
@@ -54,7 +55,7 @@ def machine() -> list[str]:
 
 
 def processor() -> str:
-    """Return the processor's name as Linux gives it, else as Python does."""
+    """Return the processor's name, from Linux or else from Python."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
             if line.startswith("model name"):
@@ -95,7 +96,7 @@ def _of_columns(table: Table, columns: Sequence[str]) -> Plot:
 
 
 def draw_svg(plot: Plot) -> str:
-    """Return one plot as an SVG element: lines over numbers, points beside names. Raises
+    """Return one plot as an SVG element: lines over numbers, or one point for each name. Raises
     MissingExtraError if matplotlib is not installed."""
     matplotlib = need("matplotlib", "plots", "experiments")
     matplotlib.use("Agg")

@@ -56,7 +56,7 @@ def run_all(
     on_done: Callable[[Task], object] = lambda task: None,
     on_workers: Callable[[int, str], object] = lambda count, change: None,
 ) -> list[Result]:
-    """Return the results of all tasks, in their order; tasks with a stored result are not run.
+    """Return the results of all tasks, in their order. A task with a stored result is not run.
 
     Args:
         jobs: Number of parallel processes on this machine; if 1, tasks run in this process.
@@ -67,8 +67,8 @@ def run_all(
     Raises:
         MissingExtraError: If joblib or dask is not installed.
         TrialError: If a run raised an error; the message has its traceback.
-        ConfigurationError: If the cluster cannot be used; or if a file of a task is changed during
-            the run, because it would be unknown which version ran.
+        ConfigurationError: If the cluster cannot be used, or if a file of a task is changed during
+            the run, because either version of the file may have been used.
     """
     # Compute each key only once, because each computation reads all files of the task.
     keys = [task.key() for task in tasks]
@@ -106,7 +106,7 @@ def _run_here(waiting: Mapping[str, Task], jobs: int) -> Iterator[tuple[str, Out
         yield from parallel(joblib.delayed(_run)(key, task) for key, task in waiting.items())
     except BrokenProcessPool as error:
         raise ConfigurationError(
-            "a process that ran trials was killed, perhaps because the memory is full; "
+            "a process that ran trials was killed, perhaps because the memory was full; "
             "finished results are kept. Run the same command again with a smaller --jobs"
         ) from error
 

@@ -1,4 +1,4 @@
-"""Experiment on streams of other examples than driving: digits, parts of images, text.
+"""Experiment on streams of examples that are not about driving: digits, parts of images, text.
 
 Each example is predicted, then learned.
 """
@@ -110,8 +110,8 @@ def read_stream(stream: str) -> list[Example]:
 
 
 def _hashed(sentence: str) -> NDArray[np.float64]:
-    """Return a text as a vector: for each hash, the square root of the number of words with this
-    hash."""
+    """Return a text as a vector, whose elements are the square roots of the numbers of words with
+    each hash."""
     vectorizer = HashingVectorizer(n_features=_N_HASHES, alternate_sign=False, norm=None)
     counts: NDArray[np.float64] = np.sqrt(vectorizer.transform([sentence]).toarray()[0])
     return counts
@@ -127,7 +127,7 @@ def _sentences(library: str) -> list[str]:
             continue
         try:
             module = import_module(f"{library}.{found.name}")
-        except ImportError:  # a module that needs a library that is not installed
+        except ImportError:  # the module needs a library that is not installed
             continue
         for _, member in sorted(inspect.getmembers(module, callable), key=lambda pair: pair[0]):
             texts.update(dict.fromkeys(_of_text(inspect.getdoc(member) or "", library)))

@@ -18,13 +18,13 @@ def percent(share: float, digits: int = 0) -> str:
 
 
 Columns = Mapping[str, Callable[[Sequence[Result]], Cell]]
-"""Columns of a table: maps the title of each to the function that computes its cell from a row's
-results."""
+"""Columns of a table: maps each title to the function that computes a cell from the results of a
+row."""
 
 
 def of(name: str, join: Callable[[list[Any]], Cell]) -> Callable[[Sequence[Result]], Cell]:
-    """Return a function that computes the cell of a figure, such as `ssd` or `teacher.ssd`, from a
-    row's results."""
+    """Return a function that computes a cell from the results of a row. `name` is a measure, such
+    as `ssd` or `teacher.ssd`."""
     return lambda results: join([reduce(getitem, name.split("."), each) for each in results])
 
 
@@ -35,8 +35,8 @@ def mean_percent(shares: Sequence[float]) -> str:
 def tables_of(
     results: Iterable[tuple[str, str, Result]], columns: Columns, head: str = ""
 ) -> list[Table]:
-    """Return the tables that show some results. Each result comes with the title of its table and
-    the name of its row.
+    """Return tables of some results, each given with the title of its table and the name of its
+    row.
 
     Tables and rows are in the order of the results. `head` is the heading of the first column,
     which contains the names of the rows.

@@ -1,5 +1,4 @@
-"""Describes one independent run by its function, parameters and seed. Equal tasks yield equal
-results."""
+"""Describes one independent run by its function, parameters and seed."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ Params = Mapping[str, Any]
 Result = dict[str, Any]
 """Results as plain values for JSON.
 
-Figures that depend on the machine's speed are under `timing`.
+Measures that depend on the machine's speed are under `timing`.
 """
 _FILES = (".py", ".toml", ".npz")
 """Suffixes of the files that a task may need: Python files, worlds and recordings."""
@@ -29,7 +28,7 @@ class Task:
     """One run of an experiment: a function and its parameters. `run` is defined at the top of a
     module, so that other processes find it.
 
-    The same task yields the same figures on every machine.
+    Equal tasks yield equal results, on every machine.
     """
 
     run: Callable[[Params], Result]
@@ -73,5 +72,5 @@ _TOLD = ("trial", "world", "learner", "teacher", "place", "teach_s", "seed")
 
 @cache
 def identity() -> dict[str, str]:
-    """Return the versions of all code that affects this process's figures; see `identify`."""
+    """Return the versions of all code that affects this process's results; see `identify`."""
     return identify()

@@ -27,9 +27,8 @@ FRAME_RATE_HZ = 10.0
 """Default number of frames, ticks and heartbeats per second: about the paper's cycle rate with 32
 nodes."""
 PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
-"""Limits for delays of the robot's pictures, above which the link governor slows or stops the
-robot. The limits are so high that even a busy machine does not reach them, because delays must not
-affect an experiment."""
+"""Limits of the link governor for old pictures. They are so high that even a busy machine does not
+reach them, because delays must not affect an experiment."""
 
 
 class Trial(StartStop):
@@ -83,7 +82,7 @@ class Trial(StartStop):
             until: Called after each tick; the drive ends early when it returns True.
 
         Raises:
-            Exception: If the learner raised an error, because all later figures would be
+            Exception: If the learner raised an error, because all later results would be
                 meaningless.
             RobotError: If the loop stopped by itself, because the experiment is then invalid.
         """

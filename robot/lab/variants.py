@@ -1,5 +1,4 @@
-"""Variants of the default learner, each without one of its parts, to measure the effect of this
-part.
+"""Variants of the default learner, each with one part changed, to measure the effect of this part.
 
 `drivelesson experiment ablation` compares the variants. Each variant is an entry point in the group
 `drivelesson.variants`.
@@ -34,7 +33,7 @@ class NoClock(ActionFilter):
 
 
 class NoPace(ActionFilter):
-    """A pace that does not learn: it assumes that all pilots drive in the same way."""
+    """An action filter that does not adapt to the pilot's pace: all pilots count as equally fast."""
 
     def on_frame(self, seen: Seen) -> None:
         self.pace = PilotPace(self._kinds)
@@ -79,8 +78,8 @@ class Design:
     def make(self, number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
         """Return the policy; a `Maker`."""
         features, is_whole = self.features(), integer or self.is_integer
-        # For each example, the linear part computes with floating-point numbers for each pair of
-        # features, which takes too long without a floating-point unit.
+        # For each example, the linear part makes a floating-point operation for each pair of
+        # features. Without a floating-point unit, this takes too long.
         ridge = ContextRidge if self.is_contextual else RecursiveRidge
         is_linear = self.is_linear and not is_whole
         alike = GradientFeatures.alike() if self.is_smooth else None

@@ -118,7 +118,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "there is none": ("no Dask scheduler answers at tcp://127.0.0.1:9", {"at": "tcp://127.0.0.1:9"}),
     "an error cannot travel": ("NotPicklableError: odd", {"learner": "ideas.py:Odd"}),
     "an idea ends its worker": (
-        "each time its worker was lost", {"learner": "ideas.py:Deadly", "workers": ["nanny"]}
+        "its worker was lost each time", {"learner": "ideas.py:Deadly", "workers": ["nanny"]}
     ),
 }  # fmt: skip
 """Return the last words of the client, or that its results are equal."""

@@ -37,8 +37,8 @@ class Baseline(Stateful, BaseLearner):
         number: The number in the learner's name, for example of neighbours or trees.
         make: Returns a new classifier with `fit`, `predict_proba` and `classes_`, given the number
             of examples.
-        is_eager: True if the learner is fitted again after every example, and not only whenever the
-            number of examples has grown by a tenth.
+        is_eager: True if the learner is fitted again after every example; False if only whenever
+            the number of examples has grown by a tenth.
     """
 
     _dtypes = (np.uint8, np.float32, np.float64)

@@ -27,8 +27,8 @@ wide."""
 
 
 class ForeignWorld(ABC):
-    """One third-party world: episodes of pictures and moves, a score, and a teacher who knows the
-    true state.
+    """One third-party world: episodes of pictures and moves, a score, and a scripted teacher that
+    knows the true state.
 
     Attributes:
         codes: Maps each move to its number in the world.
@@ -95,7 +95,7 @@ class MiniWorld(ForeignWorld):
     """Rooms with a red box as the goal. The score is 1 if the box was reached.
 
     The teacher drives to the box if it is in sight. If the box is out of sight, the teacher drives
-    straight, and turns left at obstacles until the way is free. Everything that the teacher uses is
+    straight, and turns at obstacles until the way is free. Everything that the teacher uses is
     visible in the pictures.
     """
 
@@ -159,7 +159,7 @@ class CarRacing(ForeignWorld):
 
     The moves are the five discrete actions of CarRacing: left, right, gas, brake and nothing. The
     teacher knows the track. A move either steers or accelerates, so the teacher steers only if the
-    track ahead is well to one side. The teacher drives slower in bends.
+    track ahead lies far to one side. The teacher drives slower in bends.
 
     Args:
         names: The names of left, right, gas, brake and nothing.
@@ -255,7 +255,7 @@ class ProportionalCarRacing(CarRacing):
     def wanted(self) -> str:
         """Steer to a point ahead, in proportion to its bearing.
 
-        A teacher who coasts or brakes through a bend still steers, so the move counts as a turn.
+        If the teacher coasts or brakes in a bend, it still steers, so the move counts as a turn.
         """
         bearing, speed, fastest = self._ahead()
         throttle = -0.8 if speed > 1.3 * fastest else 0.2 if speed < fastest else 0.0

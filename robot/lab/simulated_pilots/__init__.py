@@ -1,1 +1,1 @@
-"""Simulated pilots, which drive by the same commands as a phone."""
+"""Simulated pilots, which send the same commands as a phone."""

@@ -13,17 +13,15 @@ class WallFollower:
     """Keeps a wall on its right, about 30 cm away, as precisely as turns about one wheel allow.
 
     The teacher measures the free distance at the right edge of the picture, 28 degrees from
-    straight ahead. In this direction, a wall that runs parallel to the robot at a distance of 30 cm
-    is 64 cm away.
+    straight ahead. In this direction, a parallel wall that is 30 cm beside the robot is 64 cm away.
     """
 
     LOOK_RAD = math.radians(-28.0)
     NEAR_M, GOOD_M, FAR_M = 0.45, 0.62, 0.85
     AHEAD_NEAR_M, AHEAD_FREE_M = 0.30, 0.60
     ONWARDS_S = 0.8
-    """Time for which the teacher drives on after a turn, before it turns to the wall, in seconds.
-    If the teacher turned to the wall immediately, it would stay at a gap in the wall and turn left
-    and right forever."""
+    """Time for which the teacher drives straight after a turn, before it turns to the wall, in
+    seconds. Otherwise the teacher would turn left and right forever at a gap in the wall."""
 
     def __init__(self) -> None:
         self._turning: Action | None = None
@@ -47,15 +45,14 @@ class WallFollower:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Return True for the teacher's current turn, and also for FORWARD while there is room
-        ahead."""
+        """Return True for the teacher's current turn, and for FORWARD if there is room ahead."""
         if action is Action.FORWARD:
             return situation.free_ahead_m > 0.08 and not situation.is_pushing
         return action is self._turning
 
 
 class Follower:
-    """Follows the moving thing: turns to it, drives after it, and backs off when it is too near.
+    """Follows the moving thing: turns to it, drives after it, and backs away when it is too near.
 
     The follower never stands still, because a stopped robot does not learn.
     """
@@ -80,7 +77,7 @@ class Follower:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Accept the move that this teacher would make; at the border between two moves accept
+        """Accept the move that this teacher would make. At the border between two moves, accept
         both."""
         target = situation.target
         if target is None or action is Action.STOP:

@@ -1,4 +1,4 @@
-"""Pilots who differ as people do: in regularity, speed, side, slips and aim.
+"""Simulated pilots who differ like people, in regularity, speed, side, slips and aim.
 
 A `Habit` is a teacher, a model of human delays and a takeover policy. `drivelesson experiment
 habits` teaches robots with all habits, so that results do not depend on one kind of pilot.
@@ -31,7 +31,7 @@ class Person(Wanderer):
     """A teacher that wanders like a person: each turn begins and ends a little differently.
 
     Args:
-        params: The mean distances at which the person begins and ends a turn.
+        params: Contain the mean distances at which the person begins and ends a turn.
         irregularity: Standard deviation of these distances, as a share of the mean.
         overshoot_s: Mean time by which the person ends a turn too late. The time is exponentially
             distributed.

@@ -26,12 +26,13 @@ class HumanDelayConfig:
     """Number of slips of the finger to another button, per minute."""
     tremor_s: float = 0.15
     lapses_per_min: float = 1.0
-    """How often per minute the pilot looks away, and keeps holding the same button."""
+    """Number of times per minute that the pilot looks away and keeps holding the same button."""
     lapse_s: float = 0.8
     looks_hz: float = 10.0
-    """How often per second the pilot judges the screen; people do so 5 to 10 times."""
+    """Number of times per second that the pilot looks at the screen. For people it is 5 to 10."""
     pauses_per_min: float = 0.0
-    """How often per minute the pilot lets go and thinks, while the robot stands still."""
+    """Number of times per minute that the pilot releases the button and thinks, while the robot
+    stands still."""
     pause_s: float = 1.0
 
 
@@ -68,8 +69,7 @@ class HumanDelayModel:
         self._seq += 1
         return PilotCommand(
             held=(held := self._hold(now_s)),
-            # a hand that slips presses a button of the page, and a button gives no steering and
-            # throttle
+            # a hand that slips presses a button, which has no steering and throttle
             point=self._point if held is self._held else None,
             frame_id=frame_id,
             seq=self._seq,
@@ -97,9 +97,8 @@ class HumanDelayModel:
         return self._slip if slips else self._held
 
     def _begin_by_chance(self, now_s: float, dt_s: float) -> None:
-        """Begin a tremor or a lapse at random. Each call draws the same number of random numbers,
-        whether or not something begins, so that later calls get the same random numbers in both
-        cases."""
+        """Begin a tremor, a lapse or a pause at random. Each call draws equally many random
+        numbers, so that later draws do not depend on whether something begins."""
         config = self.config
         tremor, lapse = self._chance.random(), self._chance.random()
         other = self._chance.choice(self._buttons)

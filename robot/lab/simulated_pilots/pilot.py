@@ -13,14 +13,14 @@ from robot.types import Action, Mode, PilotCommand
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeoverPolicy:
-    """Rules for when a pilot takes the wheel from the robot, and when the pilot returns it."""
+    """Rules for when a pilot takes control from the robot, and gives it back."""
 
     patience_s: float = 0.5
-    """The pilot takes control if the teacher has disliked all of the robot's moves for this time,
+    """The pilot takes control if the teacher has tolerated none of the robot's moves for this time,
     in seconds."""
     shortest_hold_s: float = 0.8
     contented_s: float = 0.5
-    """The pilot gives back control if the robot has proposed the pilot's own moves for this time,
+    """The pilot gives control back if the robot has proposed the pilot's own moves for this time,
     in seconds."""
     longest_hold_s: float = 8.0
     lenience: float = 0.5
@@ -33,7 +33,8 @@ LENIENT = TakeoverPolicy()
 
 
 class SimulatedPilot:
-    """Drives like a phone: sees frames, holds directions, sends ten heartbeats a second."""
+    """Drives like a person with a phone: sees frames, holds buttons, and sends a command for each
+    frame."""
 
     def __init__(
         self,
@@ -57,7 +58,7 @@ class SimulatedPilot:
         self._patience_s = self.takeover.patience_s
 
     def change_mode(self, mode: Mode) -> None:
-        """Begin another phase of the trial; the pilot's finger leaves the pad."""
+        """Begin another phase of the trial. The pilot releases the button."""
         self.mode = mode
         self._hand.release()
         self._holds_since_s = self._annoyed_since_s = self._content_since_s = None
@@ -75,10 +76,9 @@ class SimulatedPilot:
     def _look_until(self, end_s: float) -> None:
         """Look at the picture on the screen whenever a look is due.
 
-        The times do not depend on the pictures. Suppose that the pilot looks every 0.125 s, and
-        that a picture comes every 0.1 s. If each look waited for the next picture, the pilot would
-        look only every 0.2 s. The pilot would then drive differently at ten and at thirty pictures
-        a second.
+        The times do not depend on the pictures. If a pilot who looks every 0.125 s waited for the
+        next picture, and a picture came every 0.1 s, the pilot would look only every 0.2 s. The
+        pilot would then drive differently at ten and at thirty pictures a second.
         """
         period_s = 1 / self._hand.config.looks_hz
         while self._screen and self._looks_at_s is not None and self._looks_at_s <= end_s:

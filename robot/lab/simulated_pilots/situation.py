@@ -66,7 +66,8 @@ class Situation:
 
     @cached_property
     def free_ways_m(self) -> NDArray[np.float64]:
-        """The distances that the body could drive after a turn to each of `FAN_RAD`, shape (55,).
+        """The distances that the body could drive after a turn to each direction of `FAN_RAD`,
+        shape (55,).
 
         The body is a disc. Any obstacle that is less than the body's radius, plus a margin, beside
         its path blocks the body.
@@ -79,8 +80,8 @@ class Situation:
         return float(np.interp(bearing_rad, FAN_RAD, self.ranges_m))
 
     def turn_needed_rad(self, side: int, free_m: float) -> float:
-        """Return the angle to turn until `free_m` ahead are free; pi if no visible direction is
-        free.
+        """Return the angle to turn until the distance `free_m` ahead is free; pi if no visible
+        direction is free.
 
         Args:
             side: 1 for left, -1 for right.
@@ -97,7 +98,7 @@ class Situation:
 
 
 def observe(simulation: Simulation, frame_id: int, at_s: float) -> Situation:
-    """Return the situation at the robot's current place."""
+    """Return the robot's current situation."""
     sensors = simulation.sensors.read()
     ranges = ranges_m(simulation.world, simulation.pose, FAN_RAD)
     return Situation(

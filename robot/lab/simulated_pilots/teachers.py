@@ -27,7 +27,7 @@ class Teacher(Protocol):
         """Return the move that this teacher makes. The pilot calls this method each time it looks
         at the screen. `situation.at_s` never decreases.
 
-        Two looks may see the same picture, and some pictures are never looked at.
+        The pilot may look at a picture twice, or never.
         """
         ...
 
@@ -90,9 +90,8 @@ class Wanderer:
     """
 
     LONG_TURN_S = 8.0
-    """Duration of a turn after which the place counts as narrow, in seconds: the teacher has then
-    turned by 150 degrees. In a narrow place, less free distance is enough for the teacher to drive
-    on."""
+    """Duration of a turn, in seconds, after which the place counts as narrow. The teacher has then
+    turned by 150 degrees. In a narrow place, it drives on with less free distance."""
     STUCK_S, STUCK_M = 13.0, 0.15
     """A robot that has stayed within `STUCK_M` metres for `STUCK_S` seconds counts as stuck.
     Turning round on the spot takes less time."""
@@ -161,7 +160,7 @@ class Wanderer:
 
 
 class Steerer(Wanderer):
-    """Drives in curves where there is room: steers slightly while things are far, hard near them.
+    """Drives in curves if there is room: steers slightly at far things, and hard at near things.
 
     The teacher chooses the side of a turn and tolerates moves as a `Wanderer` does. Its steering
     changes gradually.
@@ -208,7 +207,7 @@ class Steerer(Wanderer):
 
 SHELVES = ("east wall", "west wall")
 WALLS = ("south wall", "north wall")
-"""The walls of the office: dark shelves stand along `SHELVES`, while `WALLS` are light."""
+"""The walls of the office. Dark shelves stand along `SHELVES`; `WALLS` are light."""
 
 TEACHER_PARAMS: dict[str, TeacherParams] = {
     "usual": TeacherParams(),

@@ -80,7 +80,7 @@ def test_a_jpeg_is_passed_on_unchanged_where_it_can_be_decoded(
         frame = newest(running)
     assert frame.encoding is Encoding.JPEG and frame.data.startswith(b"\xff\xd8\xff")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    said = rf"{DEVICE} gives only MJPEG, .*cannot read.*camera with YUYV.*brick agent ADDRESS"
+    said = rf"{DEVICE} has only MJPEG, .*cannot read.*camera with YUYV.*brick agent ADDRESS"
     with pytest.raises(CameraError, match=said):
         camera().start()
 
