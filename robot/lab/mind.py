@@ -76,7 +76,7 @@ NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0
 
 
 def run_mind(params: Params) -> Result:
-    """Teach a robot LEFT, then RIGHT twice. Test it after each RIGHT; then let it drive unaided.
+    """Teach a robot LEFT, then RIGHT twice. Test it after each RIGHT lesson, and let it drive.
 
     Parameters: `world`, `learner`, `seed`, `old_s` and `is_told`. `old_s` is the duration of the
     lesson with LEFT, in seconds. If `is_told` is true, the pilot declares the change of mind before

@@ -1,5 +1,4 @@
-"""Writes all results to one self-contained HTML file: tables, plots, and the command that made
-them."""
+"""Writes all results to one HTML file: tables, plots, and the command that made them."""
 
 from __future__ import annotations
 

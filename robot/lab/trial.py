@@ -1,7 +1,7 @@
 """One simulated trial, faster than real time, through the real control loop.
 
-The paper's trials have three phases: teaching, driving unaided, driving with corrections. A
-simulated pilot holds directions like a phone; `ControlLoop.tick` decides, drives and learns.
+The paper's trials have three phases: teaching, driving with corrections, driving unaided. A
+simulated pilot sends commands like a phone; `ControlLoop.tick` decides, drives and learns.
 """
 
 from __future__ import annotations
@@ -163,10 +163,10 @@ def drive_by_hand(
     start: Pose | None = None,
     watching: Policy | None = None,
 ) -> DriveLog:
-    """Let a pilot drive without a loop, and return the drive.
+    """Let a pilot drive without a loop, and return the log.
 
     The policy `watching` proposes a move for each picture. The pilot sees the proposals on the
-    screen; the policy learns nothing.
+    screen, but the policy learns nothing.
     """
     log, clock = DriveLog(), VirtualClock()
     driver = SimDriver(SimOptions(world=world, seed=seed))

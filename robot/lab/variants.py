@@ -33,7 +33,7 @@ class NoClock(ActionFilter):
 
 
 class NoPace(ActionFilter):
-    """An action filter that does not adapt to the pilot's pace: all pilots count as equally fast."""
+    """An action filter that does not adapt to the pilot's pace: all pilots seem equally fast."""
 
     def on_frame(self, seen: Seen) -> None:
         self.pace = PilotPace(self._kinds)

@@ -31,8 +31,7 @@ class HumanDelayConfig:
     looks_hz: float = 10.0
     """Number of times per second that the pilot looks at the screen. For people it is 5 to 10."""
     pauses_per_min: float = 0.0
-    """Number of times per minute that the pilot releases the button and thinks, while the robot
-    stands still."""
+    """Number of times per minute that the pilot releases the button to think."""
     pause_s: float = 1.0
 
 

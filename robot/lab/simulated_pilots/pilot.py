@@ -33,8 +33,7 @@ LENIENT = TakeoverPolicy()
 
 
 class SimulatedPilot:
-    """Drives like a person with a phone: sees frames, holds buttons, and sends a command for each
-    frame."""
+    """Drives like a phone: sees frames, holds buttons, and sends a command for each frame."""
 
     def __init__(
         self,

@@ -1,8 +1,8 @@
-"""Describes what a pilot sees on the screen, by a few numbers.
+"""Describes in numbers what a pilot sees on the screen.
 
 A person looks at the frame and sees where there is room to drive. A simulated pilot does not look
-at the frame. A simulated pilot gets distances from the simulated world, as they were when the frame
-was taken.
+at the frame, but gets the distances in the simulated world at the time at which the frame was
+taken.
 """
 
 from __future__ import annotations
@@ -66,8 +66,7 @@ class Situation:
 
     @cached_property
     def free_ways_m(self) -> NDArray[np.float64]:
-        """The distances that the body could drive after a turn to each direction of `FAN_RAD`,
-        shape (55,).
+        """The distances that the body could drive after turning by each of `FAN_RAD`, shape (55,).
 
         The body is a disc. Any obstacle that is less than the body's radius, plus a margin, beside
         its path blocks the body.
