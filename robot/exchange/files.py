@@ -165,9 +165,7 @@ class Pictures:
         agreeing = {path: _agreeing(wanted, path) for path in same}
         best = [path for path, count in agreeing.items() if count == max(agreeing.values())]
         if len(best) > 1:
-            raise ValueError(
-                f"{len(best)} pictures match the name {parts[-1][:80]!r} equally well"
-            )
+            raise ValueError(f"{len(best)} pictures match the name {parts[-1][:80]!r} equally well")
         return best[0]
 
     def all(self) -> set[str]:

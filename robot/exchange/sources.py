@@ -67,10 +67,7 @@ def _why_none(path: Path) -> str:
     told = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common(5))
     there = f"none of its files ({told}) has a known format" if names else "it is empty"
     known = ", ".join(form.name for form in FORMS)
-    return (
-        f"cannot be imported: {there}; links to folders are not followed; "
-        f"known formats: {known}"
-    )
+    return f"cannot be imported: {there}; links to folders are not followed; known formats: {known}"
 
 
 def _names(path: Path) -> Iterator[str]:

@@ -161,8 +161,12 @@ def test_a_question_with_the_name_of_another_column_is_refused_in_a_new_plan(
     plan = tmp_path / "plan.toml"
     plan.write_text(text)
     assert main(["study", "check", str(plan)]) == 2
-    said = f"plan.toml: the name '{name}' is used for two phases.csv columns; give each its own name"
+    said = (
+        f"plan.toml: the name '{name}' is used for two phases.csv columns; give each its own name"
+    )
     assert said in capsys.readouterr().err
-    with pytest.raises(ConfigurationError, match=f"phases.csv columns are called '{name}'"):
+    with pytest.raises(
+        ConfigurationError, match=f"the name '{name}' is used for two phases.csv columns"
+    ):
         StudyFolder(Storage(tmp_path)).create("walk", text)
     assert name in {question.name for question in parse_plan(text).questions}, "an old one is read"

@@ -73,7 +73,9 @@ def driven_speeds(brick: FakeBrick) -> set[int]:
 def test_a_wrong_or_missing_secret_or_address_is_one_clear_line(
     agent: VirtualAgent, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    with pytest.raises(DriveError, match=r"refuses the connection: wrong secret; give --brick-secret"):
+    with pytest.raises(
+        DriveError, match=r"refuses the connection: wrong secret; give --brick-secret"
+    ):
         make_driver(agent, "another secret").connect()
     with pytest.raises(DriveError, match=r"no agent answers .*refused.*drivelesson brick agent"):
         make_driver(agent, address="brick:1").connect()

@@ -120,7 +120,9 @@ def test_another_programs_leftovers_are_undone_before_anything_moves(brick: Fake
 
 def test_a_motor_that_cannot_be_reset_is_one_clear_line(brick: FakeBrick) -> None:
     brick.motors["outC"].kept.add("polarity")
-    with pytest.raises(DriveError, match="outC cannot be reset: another program changes its settings; end that"):
+    with pytest.raises(
+        DriveError, match="outC cannot be reset: another program changes its settings; end that"
+    ):
         make_driver(brick).connect()
 
 
