@@ -1,17 +1,17 @@
 #!/bin/sh
-# adafruit-circuitpython-motor 3.5.0, adafruit-circuitpython-pca9685 3.4.22: steps of a servo's angle add up to another
-# angle, or to none.
+# adafruit-circuitpython-motor 3.5.0, adafruit-circuitpython-pca9685 3.4.22: small steps of a servo's angle add up to
+# a wrong angle, or to no movement.
 #
-# Guess before running: `servo.angle += 0.2` fifty times moves a servo by 10 degrees, within half a degree, and as many
+# Guess before running: fifty times `servo.angle += 0.2` moves a servo by 10 degrees, within half a degree, and fifty
 # steps back return it.
-# Outcome: wrong. `angle` is not the angle that was set, but is computed from the pulse, which was rounded down. Each
-# step loses up to one unit of the pulse, and the losses add up. On a PCA9685, whose 12 bits are .6 degrees each, fifty
-# steps of 0.2 do not move the servo at all, fifty back move it by 29 degrees, and 90 steps of 1 degree from 0 end at
-# 52. The same number of steps down then raises ValueError ("Angle out of range"). With 16 bits fifty steps of 0.2 are
-# 9.2 degrees, and -11 back. A program has to keep the angle itself. Likewise a ContinuousServo that was told to stand
-# says that its throttle is -.002.
+# Outcome: wrong. `angle` does not return the angle that was set, but computes it from the pulse, which was rounded
+# down. Each step loses up to one unit of the pulse, and the losses add up. A PCA9685 has 12 bits, so one unit is 0.6
+# degrees. Fifty steps of 0.2 do not move the servo at all, fifty steps back move it by 29 degrees, and 90 steps of 1
+# degree from 0 end at 52. The same number of steps down then raises ValueError ("Angle out of range"). With 16 bits,
+# fifty steps of 0.2 move the servo by 9.2 degrees, and fifty steps back by 11 degrees. A program has to store the
+# angle itself. Likewise, a ContinuousServo that was told to stop reports a throttle of -0.002.
 #
-# The PCA9685 is a stand-in for the bus that keeps the registers.
+# A simulated I2C bus stands in for the PCA9685 and stores its registers.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

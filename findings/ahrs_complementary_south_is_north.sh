@@ -1,12 +1,12 @@
 #!/bin/sh
-# AHRS 0.4.0: the complementary filter takes south for north.
+# AHRS 0.4.0: the complementary filter confuses south with north.
 #
-# Guess before running: Complementary averages headings as angles, so that a robot that turns past 180 degrees, or
-# stands and looks there, has the heading that Madgwick finds from the same readings, within a few degrees.
-# Outcome: wrong. It averages the numbers. The compass jumps from 180 to -180, and the mean of both is north. A robot
-# that turns evenly is up to 172 degrees off each time it passes south. One that stands, and looks south with a compass
-# that trembles by one degree, is 146 degrees off in the mean. Madgwick is right in both. Tests that begin at north, and
-# turn by less than half a turn, pass.
+# Guess before running: Complementary averages headings as angles. The heading of a robot that turns past 180 degrees,
+# or that stands still and faces south, then agrees with Madgwick's heading within a few degrees.
+# Outcome: wrong. The filter averages the plain numbers. The compass jumps from 180 to -180, and the mean of the two
+# is 0, which is north. For a robot that turns evenly, the heading is up to 172 degrees off each time it passes south.
+# For a robot that stands still and faces south, with a compass that varies by one degree, the mean error is 146
+# degrees. Madgwick is right in both cases. Tests that begin at north and turn by less than half a turn pass.
 #
 # Our robots do not fuse sensors.
 set -eu

@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# ahrs 1.3.3 (npm): a robot that stands exactly level at its first reading has no heading for the rest of the session.
+# ahrs 1.3.3 (npm): a robot that is exactly level at its first reading has no heading for the rest of the session.
 #
-# Guess before the run: with the Madgwick filter, a level robot (acceleration 0, 0, 1) that turns by 1 rad has a heading
-# of 1 rad, and one that stands has 0, with a compass or without.
-# Outcome: wrong. If the first acceleration points exactly as the filter expects, the length of its correction is 0, and
-# it divides by it. All angles are NaN, and stay NaN with every later reading; nothing is raised. This is the first
-# reading of a simulated robot on a floor, and of a sensor that rounds or whose offsets were removed. With a first
-# reading that is .01 off the heading is 1.00, also if level ones follow. The Mahony filter is right for both.
+# Guess before running: with the Madgwick filter, a level robot (acceleration 0, 0, 1) that turns by 1 rad has a
+# heading of 1 rad, and one that does not turn has a heading of 0, with or without a compass.
+# Outcome: wrong. If the first acceleration points exactly in the expected direction, the length of the filter's
+# correction is 0, and the filter divides by it. All angles become NaN and stay NaN with every later reading; no error
+# is raised. A simulated robot on a floor gives such a first reading, and so does a sensor that rounds or that was
+# calibrated. If the first reading is 0.01 off, the heading is 1.00, even if level readings follow. The Mahony filter
+# is right in both cases.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,14 +1,15 @@
 #!/bin/sh
-# aiocoap 0.4.17: who observes a robot hears nothing more after the robot was switched off and on, and is not told.
+# aiocoap 0.4.17: an observer of a robot receives nothing more after the robot was switched off and on, and gets no
+# error.
 #
-# Guess before running: a robot's answer is valid for two seconds (Max-Age). If nothing new comes for that long, the
+# Guess before running: a robot's answer is valid for two seconds (Max-Age). If nothing new arrives in this time, the
 # observation asks again, as RFC 7641 (3.3.1) allows, or ends with an error.
-# Outcome: wrong. The robot has forgotten its observers, and the observer goes on waiting, without an error, for ever:
-# 12 seconds, six times the Max-Age, are tried. So a stopped program looks like a value that does not change, such as
-# "the way is free". Another program that asks gets the new value at once. An observer has to keep the time itself, and
-# to ask again when it is up.
+# Outcome: wrong. The robot has forgotten its observers, and the observer waits forever, without an error. This script
+# waits for 12 seconds, six times the Max-Age. A stopped program therefore looks like a value that does not change,
+# such as "the way is free". Another program that asks gets the new value immediately. An observer has to measure the
+# time itself, and to ask again after the Max-Age.
 #
-# Our links report several times a second, and a robot whose reports end is stopped.
+# Our connections report several times a second, and a robot whose reports end is stopped.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,12 +1,12 @@
 #!/bin/sh
-# aiomqtt 2.5.1 (paho-mqtt 2.2.0, amqtt 0.12.1): a robot that keeps one message only keeps the oldest, and loses the
-# stop.
+# aiomqtt 2.5.1 (paho-mqtt 2.2.0, amqtt 0.12.1): a queue of one message keeps the oldest message, so the robot loses
+# the stop.
 #
 # Guess before running: with max_queued_incoming_messages=1, a robot that was busy for a moment gets the newest
-# velocity, or all of those that were sent with QoS 1, because the broker sends again what was not accepted.
+# velocity. With QoS 1 it may also get all velocities, because the broker resends what was not accepted.
 # Outcome: wrong. Of the velocities 0.5, 0.4 and 0.0 the robot gets 0.5. While the queue is full, the library discards
-# each message, also the stop. It acknowledges the message to the broker, and only writes a line to the log. Without the
-# option nothing is lost, and the robot drives through all old velocities first. With a queue of the user's own
+# each new message, even the stop. It still acknowledges the message to the broker, and only writes a line to the log.
+# Without the option nothing is lost, but the robot first drives through all old velocities. With a custom queue
 # (queue_type) that drops the oldest message when it is full, the robot gets 0.0.
 #
 # Our robots do not use MQTT.

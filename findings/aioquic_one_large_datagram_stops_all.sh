@@ -1,12 +1,13 @@
 #!/bin/sh
-# aioquic 1.7.2: a datagram larger than a packet is never sent, and no later datagram is, either.
+# aioquic 1.7.2: a datagram larger than a packet is never sent, and neither is any later datagram.
 #
-# Guess before running: send_datagram_frame() refuses data that cannot fit, or drops them. Both sides allow 65536 bytes.
-# Outcome: wrong. It says nothing, keeps the data at the head of its queue, and tries them again for ever. A small
-# picture of 1200 bytes thus holds up all velocities that are sent as datagrams after it, up to the end of the
-# connection. Streams and pings go on, so the line looks well, and the queue grows. 1170 bytes are sent.
+# Guess before running: send_datagram_frame() refuses or drops data that cannot fit. Both sides allow 65536 bytes.
+# Outcome: wrong. The call raises no error, keeps the data at the head of its queue, and tries to send it forever. A
+# small picture of 1200 bytes thus blocks all later velocities that are sent as datagrams, until the connection ends.
+# Streams and pings still work, so the connection looks healthy, and the queue grows. A datagram of 1170 bytes is
+# sent.
 #
-# Our links use no QUIC.
+# Our connections do not use QUIC.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

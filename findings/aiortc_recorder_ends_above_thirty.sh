@@ -1,14 +1,15 @@
 #!/bin/sh
-# aiortc 1.16.0 (av 18.1.0): MediaRecorder stops recording an MP4, and says nothing, when two pictures come within one
-# thirtieth of a second.
+# aiortc 1.16.0 (av 18.1.0): MediaRecorder silently stops recording an MP4 if two pictures arrive within one thirtieth
+# of a second.
 #
-# Guess before running: all pictures of a camera are recorded at their times, whatever its rate, or those that are
-# too many are dropped.
-# Outcome: wrong. Times are rounded to 1/30 s, two pictures then have one time, and the file refuses the second. The
-# task that records ends with this error, which nobody reads; the camera goes on. Of a camera that gives 30.3 pictures
-# a second, and of one that gives 30 and once one between, ten seconds become a film of less than five. If
-# it happens within the first two seconds, stop() raises, and the file cannot be opened. A Matroska file gets
-# all pictures, some with equal times. A camera of exactly 30 is recorded whole, so a short test passes.
+# Guess before running: all pictures of a camera are recorded with their times, at any frame rate, or surplus pictures
+# are dropped.
+# Outcome: wrong. Times are rounded to 1/30 s. Two pictures then have the same time, and the file refuses the second
+# one. The recording task ends with this error, which nobody reads, and the camera continues. Ten seconds become a
+# film of less than five if the camera gives 30.3 pictures a second, or 30 with a single extra picture in between. If
+# it happens within the first two seconds, stop() raises an error, and the file cannot be opened. A Matroska file
+# contains all pictures, some with equal times. A camera with exactly 30 pictures a second is recorded completely, so
+# a short test passes.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

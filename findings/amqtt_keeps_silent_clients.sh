@@ -1,13 +1,14 @@
 #!/bin/sh
-# amqtt 0.12.1: the broker never declares a silent client gone, so the client's last will is not published.
+# amqtt 0.12.1: the broker never disconnects a silent client, so the client's last will is not published.
 #
-# Guess before running: a robot that asked for a keep-alive of 2 s, and then is out of reach, is disconnected within
-# 3 s (MQTT 3.1.1, 3.1.2.10: one and a half times the keep-alive), and its will tells the others.
-# Outcome: wrong. The read timeout of the broker's handler does nothing and waits again, so nothing has happened
-# after twelve seconds. A connection that is closed without DISCONNECT has its will published at once, so a
-# test that kills the robot's program passes, and a robot that leaves the Wi-Fi or loses its battery stays "online".
+# Guess before running: a robot that requested a keep-alive of 2 s and then loses its connection is disconnected
+# within 3 s (MQTT 3.1.1, 3.1.2.10: one and a half times the keep-alive). Its last will then informs the other
+# clients.
+# Outcome: wrong. The read timeout of the broker's handler does nothing and waits again, so nothing has happened after
+# twelve seconds. If a connection is closed without DISCONNECT, the will is published immediately. A test that kills
+# the robot's program therefore passes, but a robot that leaves the Wi-Fi or whose battery is empty stays "online".
 #
-# Our robots do not use MQTT: each stops by itself when commands or pictures stop coming.
+# Our robots do not use MQTT: each robot stops by itself when commands or pictures stop arriving.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,15 +1,15 @@
 #!/bin/sh
-# opencv-python-headless 5.0.0.93, pupil-apriltags 1.0.4.post11: for OpenCV a tag of AprilTag's is upside down,
-# and half a pixel aside.
+# opencv-python-headless 5.0.0.93, pupil-apriltags 1.0.4.post11: OpenCV sees AprilTag's tags upside down, and half a
+# pixel off.
 #
-# Guess before running: of one upright tag of the family 36h11, drawn as the tag's authors print it, both detectors
-# report the same id, the same corner as the tag's lower left one, and the same centre within 0.1 pixel.
-# Outcome: wrong but for the id. OpenCV's dictionary DICT_APRILTAG_36h11 has each tag turned by half a turn, so its
-# first corner, which stands for the upper left, is the lower right. A map of tags that was made with one
-# detector sends a robot of the other the opposite way. The centres differ by .4 pixel in both axes, because
-# AprilTag counts from the picture's edge, and OpenCV from the middle of the first pixel.
+# Guess before running: for an upright tag of the family 36h11, drawn as the tag's authors print it, both detectors
+# report the same id, the same lower left corner, and the same centre within 0.1 pixel.
+# Outcome: wrong, except for the id. OpenCV's dictionary DICT_APRILTAG_36h11 contains each tag rotated by half a turn,
+# so its first corner, which should be the upper left one, is the lower right one. A map of tags that was made with
+# one detector sends a robot with the other detector in the opposite direction. The centres differ by 0.4 pixel on
+# both axes, because AprilTag counts from the picture's edge, and OpenCV from the middle of the first pixel.
 #
-# Our robots read no tags, only QR codes for pairing, of which no direction is used.
+# Our robots read no tags, only QR codes for pairing, whose direction does not matter.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,12 +1,13 @@
 #!/bin/sh
-# array_record 0.8.6 (PyPI): a recording whose program did not call close() opens with 0 records.
+# array_record 0.8.6 (PyPI): a recording opens with 0 records if its program did not call close().
 #
-# Guess before running: if a recorder ends without close(), the records of all full groups can be read, since each group
-# of records is a chunk of its own; or opening the file raises. At the normal end of a program the writer closes itself.
-# Outcome: wrong for all three. ArrayRecordReader opens the file without an error, and its num_records() is 0, although
-# the file holds megabytes. Only ok(), or reading a record, tells that something is wrong. The list of the groups is
-# written by close() only, and neither the end of the program nor that of the writer object calls it. A loader that
-# takes the length of a data set from num_records() trains without this recording.
+# Guess before running: if a recorder ends without close(), the records of all full groups can be read, since each
+# group of records is a chunk of its own, or opening the file raises an error. If the program ends normally, the
+# writer closes itself.
+# Outcome: wrong in all three points. ArrayRecordReader opens the file without an error, and its num_records() is 0,
+# although the file contains megabytes. Only ok(), or reading a record, shows that something is wrong. Only close()
+# writes the list of the groups, and neither the end of the program nor the deletion of the writer object calls it. A
+# loader that takes the length of a data set from num_records() trains without this recording.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

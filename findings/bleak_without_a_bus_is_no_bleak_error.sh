@@ -1,10 +1,10 @@
 #!/bin/sh
-# bleak 3.1.0 (Linux): where no D-Bus runs, as in a container, scanning raises FileNotFoundError.
+# bleak 3.1.0 (Linux): if D-Bus is not running, as in a container, scanning raises FileNotFoundError.
 #
-# Guess before running: BleakScanner.discover() and BleakClient.connect() raise a BleakError that says that
-# Bluetooth is not available, since bleak has an exception for this.
-# Outcome: wrong for both. It is the bare error of the socket, "No such file or directory", which does not name
-# the file or Bluetooth, and passes each `except BleakError`.
+# Guess before running: BleakScanner.discover() and BleakClient.connect() raise a BleakError that says that Bluetooth
+# is not available, since bleak has an exception for this.
+# Outcome: wrong for both. They raise the socket's error "No such file or directory", which names neither the file nor
+# Bluetooth, and which `except BleakError` does not catch.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

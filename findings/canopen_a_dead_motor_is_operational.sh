@@ -1,13 +1,14 @@
 #!/bin/sh
-# canopen 2.4.1 (python-can 4.6.1): a motor controller that sends no heartbeat any more is still "OPERATIONAL".
+# canopen 2.4.1 (python-can 4.6.1): a motor controller that no longer sends heartbeats remains "OPERATIONAL".
 #
-# Guess before running: node.nmt.state of a node that sent a heartbeat ten times a second, and has been silent for two
-# seconds, is unknown, or asking for it raises.
-# Outcome: wrong. It is what the last heartbeat said, for ever, and nothing of the library compares its age with the
-# heartbeat time. So a robot that asks for the state before it drives off does so with a wheel that has no power. Only
-# wait_for_heartbeat(timeout) raises; `node.nmt.timestamp` is the time of the last heartbeat by the bus's clock.
+# Guess before running: if a node sent a heartbeat ten times a second and has been silent for two seconds,
+# node.nmt.state is unknown, or reading it raises an error.
+# Outcome: wrong. The state is always that of the last heartbeat, and no part of the library compares the heartbeat's
+# age with the heartbeat time. A robot that checks the state before it drives off may therefore drive with a wheel
+# that has no power. Only wait_for_heartbeat(timeout) raises an error; `node.nmt.timestamp` is the time of the last
+# heartbeat by the bus's clock.
 #
-# Our robots use no CAN bus.
+# Our robots do not use a CAN bus.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,15 +1,16 @@
 #!/bin/sh
-# cantools 45.1.0 (DBC): a stop button that is released is true, and a distance that becomes invalid cannot be compared.
+# cantools 45.1.0 (DBC): a released stop button is truthy, and a distance that becomes invalid cannot be compared.
 #
-# Guess before running: decode() gives numbers, and where a DBC file names a number, something that is still one: a 0
-# that is named "released" is false, and a distance of which 255 is named "invalid" can be compared with a limit.
-# Outcome: wrong in both. A named number is an object that equals its name only: it is true, and does not equal 0, and
-# it has no order and no hash. So `if message["stop"]:` stops the robot for ever, `message["stop"] == 0` is false, and
-# `message["distance"] < 0.5` works until the sensor sees nothing, and raises a TypeError then, the first time in the
-# middle of a drive. `.value` is the number before scaling: 255, where the distance is 25.5 m. decode_choices=False
-# gives plain numbers.
+# Guess before running: decode() returns numbers. If a DBC file names a number, the result still behaves like a
+# number: a 0 that is named "released" is falsy, and a distance whose value 255 is named "invalid" can be compared
+# with a limit.
+# Outcome: wrong in both cases. A named number becomes an object that equals only its name. It is truthy, does not
+# equal 0, and has neither an order nor a hash. `if message["stop"]:` therefore always stops the robot, and
+# `message["stop"] == 0` is false. `message["distance"] < 0.5` works until the sensor sees nothing for the first time,
+# perhaps in the middle of a drive, and then raises a TypeError. `.value` is the number before scaling: 255 for a
+# distance of 25.5 m. decode_choices=False returns plain numbers.
 #
-# Our robots use no CAN bus.
+# Our robots do not use a CAN bus.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # cyclonedds 11.0.1 (PyPI): a reliable writer that keeps writing may get no acknowledgement for seconds.
 #
-# Guess before the run: if a reliable writer (KeepLast(1), as ROS 2 uses for velocities) writes 20 small messages a
-# second, all of them are acknowledged within about 0.2 s, because by default a heartbeat goes out every 100 ms.
-# Outcome: wrong. Over loopback, to another process that reads at once, the acknowledgement took 1.5 s in the median,
-# and up to 3.8 s of five seconds of writing: each write postpones the heartbeat. With a HeartbeatInterval below the
-# pause between messages (10 ms, `min="1 ms" minsched="5 ms" max="20 ms"`) it takes a few milliseconds.
+# Guess before running: if a reliable writer (KeepLast(1), as ROS 2 uses for velocities) writes 20 small messages a
+# second, all of them are acknowledged within about 0.2 s, because by default a heartbeat is sent every 100 ms.
+# Outcome: wrong. Over loopback, to another process that reads immediately, the median time until the acknowledgement
+# was 1.5 s, and the longest 3.8 s, in five seconds of writing. The cause is that each write postpones the heartbeat.
+# With a HeartbeatInterval below the pause between messages (10 ms, `min="1 ms" minsched="5 ms" max="20 ms"`), an
+# acknowledgement takes a few milliseconds.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# cyclonedds 11.0.1 (PyPI): a peer that the configuration names is never found if it is switched on 31 s later.
+# cyclonedds 11.0.1 (PyPI): a peer in the configuration is never found if it is switched on 31 s later.
 #
-# Guess before the run: with multicast off and a `<Peer Address="127.0.0.1"/>`, as for a robot on a Wi-Fi that
-# blocks multicast, discovery messages go to the peer at each SPDPInterval, so it is found within seconds of its
-# start, whenever that is.
+# Guess before running: with multicast off and a `<Peer Address="127.0.0.1"/>`, as for a robot on a Wi-Fi that blocks
+# multicast, discovery messages are sent to the peer at each SPDPInterval. The peer is therefore found within seconds
+# of its start, whenever it starts.
 # Outcome: wrong. After 30 s without an answer the peer's address is dropped (`PruneDelay`), although a person
-# configured it. A robot that does not know our address is then found only after our program was restarted.
-# `PruneDelay="inf"` does what was expected. (A peer on the same computer contacts us by itself, unless AddLocalhost
+# configured it. A robot that does not know our address is then found only after our program is restarted.
+# `PruneDelay="inf"` has the expected effect. (A peer on the same computer contacts us by itself, unless AddLocalhost
 # is false.)
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT

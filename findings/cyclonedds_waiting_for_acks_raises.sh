@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# cyclonedds 11.0.1 (PyPI): waiting for acknowledgements has no way to say "not yet".
+# cyclonedds 11.0.1 (PyPI): waiting for acknowledgements raises an error instead of reporting a timeout.
 #
-# Guess before the run: `DataWriter.wait_for_acks(timeout)` returns True when everything was acknowledged and False
-# when the time is up, as its return type says. `Publisher.wait_for_acks` does the same for all its writers.
-# Outcome: wrong for both. When the time is up the writer raises AttributeError ("type object 'Exception' has no
-# attribute 'DDS_RETCODE_TIMEOUT'"), and the publisher always raises "Feature unsupported", with nothing to wait for.
-# The writer's True before that is right, so a test on one quick computer does not find the fault.
+# Guess before running: `DataWriter.wait_for_acks(timeout)` returns True if everything was acknowledged, and False
+# after the timeout, as its return type says. `Publisher.wait_for_acks` does the same for all its writers.
+# Outcome: wrong for both. After the timeout, the writer raises AttributeError ("type object 'Exception' has no
+# attribute 'DDS_RETCODE_TIMEOUT'"). The publisher always raises "Feature unsupported", even if there is nothing to
+# wait for. The writer does return True if everything was acknowledged, so a test on one fast computer does not find
+# the fault.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"

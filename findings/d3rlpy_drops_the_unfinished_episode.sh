@@ -1,11 +1,11 @@
 #!/bin/sh
-# d3rlpy 2.8.1: the steps after the last end of an episode are dropped from a dataset.
+# d3rlpy 2.8.1: the steps after the last marked end of an episode are dropped from a dataset.
 #
-# Guess before running: MDPDataset keeps all steps that it is given, and the last of them ends an episode even if it is
-# marked as no end; or it refuses such a recording, as it does one without any end.
-# Outcome: wrong. Episodes are cut at the marks, and what follows the last mark is in none. Of a drive of 25 steps with
-# a crash at the tenth 15 are missing, and nothing is said. A recording usually stops in the middle of a drive, so
-# it is the newest one that is not learned from. timeouts=, with a mark at the last step, keeps all.
+# Guess before running: MDPDataset keeps all steps, and its last step ends an episode even if it is not marked as an
+# end. Or it refuses such a recording, as it refuses one without any end.
+# Outcome: wrong. Episodes are cut at the marks, and the steps after the last mark belong to no episode. Of a drive of
+# 25 steps with a crash at the tenth, 15 steps are missing, and no error is raised. A recording usually stops in the
+# middle of a drive, so the newest steps are not learned. timeouts=, with a mark at the last step, keeps all steps.
 #
 # Our exporters do not write for d3rlpy.
 set -eu

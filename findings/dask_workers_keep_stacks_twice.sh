@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # distributed 2026.8.0 (PyPI): a worker without results and tasks still grows, by two call trees each second.
 #
-# Guess before the run: a worker that runs small tasks one after the other, whose results are released, keeps nothing of
-# them. Its profiler samples stacks into the tree of the current second, which is sent away or dropped at its end.
-# Outcome: wrong. Each second's tree of stacks is kept for a thousand seconds of the worker's life, and a second time by
-# the tasks' name; each node of both trees has four dictionaries. Nobody has asked for a profile. The history can be
+# Guess before running: a worker that runs small tasks one after the other, whose results are released, keeps nothing
+# of them. Its profiler collects stacks in the tree of the current second, which is sent away or dropped at the end of
+# the second.
+# Outcome: wrong. The tree of each second is kept for a thousand seconds of the worker's life, and a second time under
+# the tasks' name. Each node of both trees has four dictionaries. Nobody requested a profile. The history can be
 # cleared while the worker runs.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT

@@ -1,12 +1,13 @@
 #!/bin/sh
 # datasets 5.2.0 (PyPI, Hugging Face): in a batch of NumPy arrays, pictures of the same minute have the same time.
 #
-# Guess before running: with_format("numpy") gives a column of float64, such as the seconds since 1970 of each picture,
-# as float64, whether one row is read or a batch.
-# Outcome: wrong. A single row gives float64, a batch float32, of which two neighbours are 128 s apart at today's time.
-# Pictures at 10 Hz all have one time, and map(batched=True) computes intervals of 0 from it and stores them. In the
-# same way whole numbers become float32 as soon as one is missing, and uint8 pictures in lists become int64.
-# The formats "arrow" and "pandas" give float64, and so does with_format("numpy", dtype=numpy.float64).
+# Guess before running: with_format("numpy") returns a column of float64, such as the seconds since 1970 of each
+# picture, as float64, both for one row and for a batch.
+# Outcome: wrong. A single row is returned as float64, but a batch as float32, in which neighbouring values of today's
+# time are 128 s apart. Pictures at 10 Hz therefore all have the same time, and map(batched=True) computes intervals
+# of 0 from it and stores them. In the same way, integers become float32 as soon as one is missing, and uint8 pictures
+# in lists become int64. The formats "arrow" and "pandas" return float64, and so does with_format("numpy",
+# dtype=numpy.float64).
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

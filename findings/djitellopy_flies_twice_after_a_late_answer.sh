@@ -1,12 +1,14 @@
 #!/bin/sh
-# djitellopy 2.5.0: after one late answer, readings are those of the question before, and a move is made twice.
+# djitellopy 2.5.0: after one late answer, each question gets the answer to the previous one, and a move is made
+# twice.
 #
-# Guess before running: an answer that comes after its timeout is thrown away, and the next question gets its own.
-# Outcome: wrong. The late answer is kept, and the next question takes it at once: the speed is the battery's 87, the
-# flight time is the speed, and so on. move_forward(20) then gets a reading instead of "ok", takes this for a failure,
-# and sends "forward 20" again, so the drone is told twice to fly 20 cm. Nothing is raised.
+# Guess before running: an answer that arrives after its timeout is discarded, and the next question gets its own
+# answer.
+# Outcome: wrong. The late answer is kept, and the next question gets it immediately: the speed is the battery's 87,
+# the flight time is the speed, and so on. move_forward(20) then gets a reading instead of "ok", interprets it as a
+# failure, and sends "forward 20" again, so the drone is told twice to fly 20 cm. No error is raised.
 #
-# Our line to the own firmware of an EV3 is closed after a missed answer, for this reason.
+# For this reason, our connection to an EV3 with LEGO's own firmware is closed after a missed answer.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,12 +1,12 @@
 #!/bin/sh
 # dynamixel-sdk 4.1.0 (PyPI): a group keeps the first goal, and one silent servo makes all positions 0.
 #
-# Guess before running: GroupSyncWrite.addParam() of a servo that is in the group replaces its goal. Where one servo
-# does not answer a GroupSyncRead, the positions of the others are read.
-# Outcome: wrong in both, and nothing is raised. addParam() returns False and keeps the old goal, which txPacket() sends
-# again with success, so a loop that adds and sends goals drives to the first one for ever. It takes changeParam()
-# or clearParam(). A silent servo ends the reading, and getData() is then 0 for every servo, those that answered
-# before it included. Code that does not ask isAvailable() computes with joints at 0.
+# Guess before running: GroupSyncWrite.addParam() replaces the goal of a servo that is already in the group. If one
+# servo does not answer a GroupSyncRead, the positions of the others are read.
+# Outcome: wrong in both cases, and no error is raised. addParam() returns False and keeps the old goal, which
+# txPacket() successfully sends again. A loop that adds and sends goals therefore always drives to the first goal.
+# Only changeParam() or clearParam() helps. A silent servo ends the reading, and getData() then returns 0 for every
+# servo, even for those that answered before it. Code that does not check isAvailable() calculates with joints at 0.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,13 +1,13 @@
 #!/bin/sh
-# emlearn 0.23.2 (scikit-learn 1.9.1): a decision tree for a microcontroller takes features between 0 and 1 for zeros.
+# emlearn 0.23.2 (scikit-learn 1.9.1): a decision tree for a microcontroller reads features between 0 and 1 as zeros.
 #
-# Guess before running: convert(tree) answers as the tree does, as emlearn chooses a type in which its thresholds
-# differ, or it warns.
-# Outcome: wrong. The default type of trees and forests is a 16-bit whole number, to which features and thresholds are
-# cut: brightnesses of 0 to 1, as scikit-learn's scalers give them, all become 0. A tree and a forest that are
-# right in each case answer with one class, which is right in half of them, and nothing is said, although convert()
-# returns a model that could be compared. With dtype="float" all answers agree, and with features times
-# 1000 all but one in 400.
+# Guess before running: convert(tree) gives the same answers as the tree, because emlearn chooses a type in which the
+# thresholds differ, or emlearn warns.
+# Outcome: wrong. The default type of trees and forests is a 16-bit integer, to which features and thresholds are
+# truncated. Brightnesses from 0 to 1, as scikit-learn's scalers return them, all become 0. A tree and a forest that
+# are always right then always answer with one class, which is right in half of the cases. There is no warning,
+# although convert() returns a model that could be compared. With dtype="float" all answers agree, and with features
+# multiplied by 1000 all but one in 400.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,11 +1,11 @@
 #!/bin/sh
-# python-ev3dev2 2.1.0.post1: two equal speeds cannot be compared, and a speed of zero is true.
+# python-ev3dev2 2.1.0.post1: two equal speeds cannot be compared, and a speed of zero is truthy.
 #
 # Guess before running: SpeedPercent, SpeedRPS and the other speeds behave like numbers: two speeds of 50 % are equal,
-# a speed can be the key of a dict, 1 rotation a second equals 60 a minute, and a speed of 0 is false.
-# Outcome: wrong in all four. `SpeedPercent(50) == SpeedPercent(50)`, and `<`, raise a TypeError about a missing
-# argument `motor`, because every comparison needs the speed in counts of a certain motor, which a speed does not
-# know. A type with such an `==` has no hash. SpeedPercent(0) is true, so `if speed:` does not detect a standing
+# a speed can be the key of a dict, 1 rotation a second equals 60 a minute, and a speed of 0 is falsy.
+# Outcome: wrong in all four points. `SpeedPercent(50) == SpeedPercent(50)`, and `<`, raise a TypeError about a
+# missing argument `motor`, because every comparison needs the speed in counts of a certain motor, which a speed does
+# not know. A type with such an `==` has no hash. SpeedPercent(0) is truthy, so `if speed:` does not detect a stopped
 # motor. Only `*` works, and only up to 100 percent.
 set -eu
 folder=$(mktemp -d)

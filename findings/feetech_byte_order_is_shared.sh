@@ -1,11 +1,11 @@
 #!/bin/sh
-# feetech-servo-sdk 1.0.0: the handler of a second kind of servo swaps the bytes of the first.
+# feetech-servo-sdk 1.0.0: creating a handler for a second kind of servo swaps the bytes of the first kind.
 #
 # Guess before running: PacketHandler(0), for servos of the STS series, and PacketHandler(1), for the SCS series, each
 # keep their own byte order.
-# Outcome: wrong. The order is one variable of the module, and the handler made last sets it for all. Position 2048,
-# the middle, is then written to the STS servo as 8, one end of its turn, and what it reports is read
-# swapped. The checksum fits, so the servo obeys.
+# Outcome: wrong. The byte order is one variable of the module, and the newest handler sets it for all. Position 2048,
+# the middle, is then sent to the STS servo as 8, which is one end of its range, and the servo's reports are read with
+# swapped bytes. The checksum is valid, so the servo obeys.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,14 +1,14 @@
 #!/bin/sh
-# av 18.1.0 (FFmpeg 8.1.2, swscale): the same pixels become a darker and slightly green picture in
-# YUV 4:2:0 if they are handed over with blue first.
+# av 18.1.0 (FFmpeg 8.1.2, swscale): the same pixels become a darker and slightly green picture in YUV 4:2:0 if blue
+# is their first byte.
 #
-# Guess before running: rgb24 and bgr24 with the same colours give the same yuv420p, because only the
-# order of the bytes differs. A second guess, made before the odd width was run: odd widths do not
-# have this difference, because a fast path needs pairs of pixels.
-# Outcome: the first guess is wrong, the second right. Unscaled, bgr24 takes a conversion of its own,
-# which rounds down where the usual one rounds to nearest. Grey (128, 128, 128) becomes 125, 127, 127
-# instead of 126, 128, 128, so it is no longer grey, and white becomes 234 instead of 235. The usual
-# conversion is used for a picture of odd width, for a picture that is also scaled, and for yuv422p.
+# Guess before running: rgb24 and bgr24 with the same colours give the same yuv420p, because only the order of the
+# bytes differs. A second guess, made before a picture of odd width was converted: there is no difference for odd
+# widths, because a fast path needs pairs of pixels.
+# Outcome: the first guess is wrong, the second one right. If the size does not change, bgr24 is converted by a
+# function of its own, which rounds down, while the usual function rounds to the nearest value. Grey (128, 128, 128)
+# becomes 125, 127, 127 instead of 126, 128, 128, so it is no longer grey, and white becomes 234 instead of 235. The
+# usual function is used for a picture of odd width, for a picture that is also scaled, and for yuv422p.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

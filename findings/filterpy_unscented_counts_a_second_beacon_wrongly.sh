@@ -2,12 +2,12 @@
 # filterpy 2.0.0 (numpy 2.4.6, scipy 1.17.1): an unscented Kalman filter that is corrected twice in one step is wrong.
 #
 # Guess before running: a robot that sees three beacons at once calls predict() once and update() three times, as with
-# KalmanFilter. If all is linear, the unscented filter then has the same position and variance.
-# Outcome: wrong from the second update() on. It compares the second beacon with the points that predict() spread, so
-# the first correction is not seen, and the difference is added again. From 0 m, three measurements of 5 m lead to 11.9
-# m rather than 4.6 m, and the variance becomes negative. Nothing is raised. With one beacon in each step, as most tests
-# have it, both agree. All measurements in one vector, or points spread anew before each further update(), give what
-# KalmanFilter gives.
+# KalmanFilter. If everything is linear, the unscented filter then has the same position and variance.
+# Outcome: wrong from the second update() on. It compares the second beacon with the points that predict() made, so it
+# ignores the first correction and adds the difference again. From 0 m, three measurements of 5 m lead to 11.9 m
+# instead of 4.6 m, and the variance becomes negative. No error is raised. With one beacon in each step, as in most
+# tests, both filters agree. They also agree if all measurements are in one vector, or if new points are made before
+# each further update().
 #
 # Our learners and robots use no Kalman filter.
 set -eu

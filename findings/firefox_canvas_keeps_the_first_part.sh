@@ -1,12 +1,12 @@
 #!/bin/sh
-# Firefox 153.8 ESR (Debian 12): a canvas keeps drawing the first picture of an <img> whose pictures
-# replace each other (multipart/x-mixed-replace), while the page shows the newest.
+# Firefox 153.8 ESR (Debian 12): a canvas keeps drawing the first picture of an <img> whose pictures replace each
+# other (multipart/x-mixed-replace), while the page shows the newest picture.
 #
 # Guess before running: drawImage() draws the picture that the element shows, as in Chromium 156.
-# Outcome: wrong. drawImage(image) draws the first part for ever; drawImage() of the result of
-# createImageBitmap(image), called in the same moment, draws the newest.
+# Outcome: wrong. drawImage(image) always draws the first part. drawImage() of the result of createImageBitmap(image),
+# called at the same moment, draws the newest part.
 #
-# The shared libraries of Firefox must be there: apt-get install firefox-esr
+# Firefox needs its shared libraries: apt-get install firefox-esr
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

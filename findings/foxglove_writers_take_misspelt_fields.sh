@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # mcap-ros2-support 0.6.0 (PyPI) and @foxglove/rosmsg2-serialization 3.1.0 (npm): a misspelt field is written as 0.
 #
-# Guess before the run: a message with a field that its type does not have is refused.
-# Outcome: wrong in both. What the type does not have is left out, and what is missing becomes 0. A velocity given as
-# {"linear": ..} for a TwistStamped, which has it under "twist", is recorded as a robot that stands still. Not even
-# {"twist": 0.5} is refused. The example in the README of the second, a PointStamped with "x" beside "header"
-# rather than in "point", writes the point 0, 0, 0.
+# Guess before running: a message is refused if it has a field that its type does not have.
+# Outcome: wrong for both. Fields that the type does not have are left out, and missing fields become 0. A velocity
+# given as {"linear": ..} for a TwistStamped, which has it under "twist", is recorded as a robot that stands still.
+# Not even {"twist": 0.5} is refused. The example in the README of the npm package, a PointStamped with "x" beside
+# "header" instead of in "point", writes the point 0, 0, 0.
 #
-# Our program uses neither of them.
+# Our program uses neither library.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 cd "$folder"

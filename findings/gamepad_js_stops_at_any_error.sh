@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# gamepad.js 3.0.1 (npm): an error anywhere in the page ends the reading of the game controllers.
+# gamepad.js 3.0.1 (npm): an error anywhere on the page stops the reading of the game controllers.
 #
-# Guess before the run: if another script of the page throws, such as a picture's callback, the listener goes on and
-# tells that a stick was released.
-# Outcome: wrong. Each "error" event of the window calls its stop(), of which neither the README nor an event says
-# anything. The stick's last value, -1, stays; that it was released, and that the controller was unplugged, is never
-# told. Only another start() of the page helps, so a robot that holds its speed until it hears of another drives on.
+# Guess before running: if another script on the page throws an error, for example in the callback of a picture, the
+# listener continues and reports that a stick was released.
+# Outcome: wrong. Each "error" event of the window calls the library's stop(), which neither the README nor an event
+# mentions. The stick's last value remains -1. The page is never told that the stick was released, or that the
+# controller was unplugged, unless it calls start() again. A robot that keeps its speed until it gets a new one
+# therefore drives on.
 #
 # Our page reads the controllers in its own loop, which does not listen for errors.
 set -euo pipefail

@@ -1,13 +1,15 @@
 #!/usr/bin/env bash
-# gamepad-wrapper 1.3.4 (npm): a trigger that was pulled, but not fully, is never released.
+# gamepad-wrapper 1.3.4 (npm): a trigger that was not pulled fully is never released.
 #
-# Guess before the run: getButtonDown is true once when a trigger is pulled, and getButtonUp is true once when it is
-# let go; the README says that it compares whether the trigger was down in the frame before and is down now.
-# Outcome: wrong. Down is told as soon as the trigger leaves 0, but up only when it leaves 1. A trigger that is pulled
-# to 0.8 and let go has one "down" and no "up", so a page that drives between the two drives on. A trigger that is
-# pulled fully is released at 0.95, while the finger still holds it; and if it trembles there, it is released twice.
+# Guess before running: getButtonDown is true once when a trigger is pulled, and getButtonUp is true once when it is
+# released. The README says that the library compares whether the trigger was down in the previous frame and is down
+# now.
+# Outcome: wrong. The trigger counts as down as soon as it leaves 0, but as up only when it leaves 1. A trigger that
+# is pulled to 0.8 and released has one "down" and no "up", so a page that drives between the two drives on. A trigger
+# that is pulled fully counts as released at 0.95, while the finger still holds it. If it trembles there, it is
+# released twice.
 #
-# Our page asks each time for the trigger's value, and not for events.
+# Our page reads the trigger's value each time, and does not use events.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 cd "$folder"

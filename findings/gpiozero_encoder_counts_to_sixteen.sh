@@ -1,12 +1,12 @@
 #!/bin/sh
-# gpiozero 2.0.1.post3: a wheel's encoder counts to 16 and no further, and has lost its place afterwards.
+# gpiozero 2.0.1.post3: a wheel's encoder counts only to 16, and its count is wrong afterwards.
 #
-# Guess before running: RotaryEncoder.steps counts every step, and only `value`, which goes from -1 to 1, is limited by
-# max_steps. A wheel that turns 20 steps forward and 20 back is at 0 again.
-# Outcome: wrong. Without max_steps=0 the steps are limited as well, to 16 each way: 20 steps forward are 16, and the
-# first step back counts from there, so the wheel ends at -4. when_rotated_clockwise is called for all 20. A robot that
-# measures its way with `steps` seems to stand after less than a turn of its wheel, and nothing is raised. With
-# wrap=True the step after 16 is -16. With max_steps=0 all are counted.
+# Guess before running: RotaryEncoder.steps counts every step, and only `value`, which ranges from -1 to 1, is limited
+# by max_steps. A wheel that turns 20 steps forward and 20 back is at 0 again.
+# Outcome: wrong. Without max_steps=0 the steps are limited as well, to 16 in each direction. 20 steps forward count
+# as 16, and the first step back counts from there, so the wheel ends at -4. when_rotated_clockwise is called for all
+# 20 steps. A robot that measures its distance with `steps` seems to stop after less than a turn of its wheel, and no
+# error is raised. With wrap=True the step after 16 is -16. With max_steps=0 all steps are counted.
 #
 # The pins are gpiozero's own mock pins.
 set -eu

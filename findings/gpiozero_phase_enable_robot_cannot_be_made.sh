@@ -1,10 +1,9 @@
 #!/bin/sh
-# gpiozero 2.0.1.post3: PhaseEnableRobot, its class for boards with phase and enable pins,
-# cannot be made.
+# gpiozero 2.0.1.post3: PhaseEnableRobot, the class for boards with phase and enable pins, cannot be constructed.
 #
 # Guess before running: it is an older name for Robot with PhaseEnableMotor inside; it warns, and works.
-# Outcome: wrong. It passes `pwm` on to Robot, which has no such argument. So each call raises a
-# TypeError about `pwm`, although the caller did not give it. Robot with two PhaseEnableMotor works.
+# Outcome: wrong. It passes `pwm` on to Robot, which has no such argument. Each call therefore raises a TypeError
+# about `pwm`, although the caller did not give it. Robot with two PhaseEnableMotor objects works.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,10 +1,10 @@
 #!/bin/sh
 # gpiozero 2.0.1.post3: when Robot refuses a pair of speeds, it has already changed the left wheel.
 #
-# Guess before running: `robot.value = (0.2, -2)` raises, and the robot keeps the speeds that it had.
-# Outcome: half wrong. It raises OutputDeviceBadValue, but the two motors are set one after the other:
-# afterwards the left motor runs at .2, and the right motor as before. If a program catches the error,
-# its robot turns in place. The order matters: (-2, .2) changes nothing.
+# Guess before running: `robot.value = (0.2, -2)` raises an error, and the robot keeps its previous speeds.
+# Outcome: half wrong. It raises OutputDeviceBadValue, but the two motors are set one after the other. Afterwards the
+# left motor runs at 0.2, and the right motor as before. If a program catches the error, its robot turns. The order
+# matters: (-2, 0.2) changes nothing.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

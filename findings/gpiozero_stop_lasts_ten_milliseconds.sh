@@ -1,12 +1,12 @@
 #!/bin/sh
 # gpiozero 2.0.1.post3: stop() does not stop a robot that has a source.
 #
-# Guess before running: after robot.stop() the robot stands still, because this ends the source. If the source gives
+# Guess before running: after robot.stop() the robot stands still, because stop() ends the source. If the source gives
 # a speed of 1.01, the motors stop.
-# Outcome: wrong. stop() sets the speeds to 0 once. The source's thread sets them again after .01 s (source_delay), and
-# the robot drives on. A speed beyond 1 ends that thread with an exception that no caller sees, and the motors keep
-# the speed before it for ever. When the source is exhausted, they keep its last speed. Only `source = None`
-# followed by stop() stops the robot.
+# Outcome: wrong. stop() sets the speeds to 0 once. The source's thread sets them again after 0.01 s (source_delay),
+# and the robot drives on. A speed beyond 1 ends that thread with an exception that no caller sees, and the motors
+# keep their previous speed. When the source is exhausted, they keep its last speed. Only `source = None` followed by
+# stop() stops the robot.
 #
 # Our driver for this library sets each speed itself.
 set -eu

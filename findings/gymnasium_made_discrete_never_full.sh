@@ -1,11 +1,11 @@
 #!/bin/sh
-# gymnasium 1.4.0: an environment whose steering was made discrete never steers fully, and its middle
-# action is not straight on.
+# gymnasium 1.4.0: an environment whose steering was made discrete never steers fully, and its middle action does not
+# drive exactly straight.
 #
-# Guess before running: DiscretizeAction with three bins over -1..1 gives -1, 0 and 1, that is left,
-# straight and right; with two bins for a throttle of 0..1 it gives 0 and 1.
-# Outcome: wrong. It gives the centres of the bins: -2/3, about 3e-8 and 2/3, and .25 and .75 for the
-# throttle. The car never turns as far as it can, and has no action by which it stands.
+# Guess before running: DiscretizeAction with three bins over -1..1 gives -1, 0 and 1, that is left, straight and
+# right. With two bins for a throttle of 0..1 it gives 0 and 1.
+# Outcome: wrong. It gives the centres of the bins: -2/3, about 3e-8 and 2/3, and 0.25 and 0.75 for the throttle. The
+# car never turns as sharply as it can, and has no action for standing still.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,14 +1,15 @@
 #!/bin/sh
-# gymnasium 1.4.0: what a person plays is recorded with a wrong first observation, and each game begins the same.
+# gymnasium 1.4.0: a person's play is recorded with a wrong first observation, and each game begins in the same place.
 #
-# Guess before running: play() gives its callback the observation before and after each step, both from the
-# observation space, also at an episode's first step. With a seed the first episode is repeatable, and the others
-# begin elsewhere, as after reset() without one.
-# Outcome: wrong. At the first step of each episode `obs_t` is reset()'s whole answer, the pair of an observation and
-# `info`. And the seed is given to each reset, so all demonstrations begin in one place: of three games here there is
-# one beginning, where without a seed there are three. PlayPlot passes the pair on, too.
+# Guess before running: play() gives its callback the observations before and after each step, both from the
+# observation space, even at an episode's first step. With a seed the first episode is repeatable, and the others
+# begin in other places, as after reset() without a seed.
+# Outcome: wrong. At the first step of each episode, `obs_t` is the whole result of reset(): the pair of an
+# observation and `info`. The seed is passed to each reset, so all demonstrations begin in one place: the three games
+# of this script have one beginning, but three without a seed. PlayPlot passes the pair on, too.
 #
-# Our robots of the kind `gymnasium` give each episode another seed: the number in the options plus that of the episode.
+# Our robots of the kind `gymnasium` give each episode another seed: the number in the options plus the episode's
+# number.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

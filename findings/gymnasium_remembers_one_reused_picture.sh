@@ -1,13 +1,13 @@
 #!/bin/sh
-# gymnasium 1.4.0, minari 0.5.4: what remembers observations keeps the last one only, if an environment returns the same
-# array each time.
+# gymnasium 1.4.0, minari 0.5.4: classes that store observations keep only the last one, if an environment returns the
+# same array each time.
 #
-# Guess before running: wrappers and recorders copy what they keep, as MaxAndSkipObservation and the vector
-# environments' observations are copied, for a simulator or a camera that fills one array is usual.
+# Guess before running: wrappers and recorders copy the observations that they store, as MaxAndSkipObservation and the
+# vector environments do, because a simulator or a camera often fills one array again and again.
 # Outcome: wrong. FrameStackObservation returns the newest picture three times, so a learner sees no motion.
-# DelayObservation does not delay. The final_obs of vector environments, also of those in other processes, is the first
-# picture of the next game. An episode that Minari records has the last picture in each row. Shapes and numbers of
-# rows are right.
+# DelayObservation does not delay. The final_obs of vector environments, even of those in other processes, is the
+# first picture of the next game. An episode that Minari records has the last picture in each row. Shapes and numbers
+# of rows are right.
 #
 # Our robots of the kind `gymnasium` copy or compress each picture before the next step.
 set -eu

@@ -1,12 +1,12 @@
 #!/bin/sh
 # gymnasium 1.4.0: MaxAndSkipObservation returns an old picture at the end of an episode.
 #
-# Guess before running: if an episode ends within the skipped steps, the observation is the last of them, or the
-# maximum of the last two, as it is otherwise.
-# Outcome: wrong. The two pictures to compare are those of the third and the fourth step. If the episode ends at the
-# first or second, both are left over from the skip before, and the car that has just hit the wall is shown up
-# to three steps before it. If it ends at the third, that picture is mixed with an older one. `reward`,
-# `terminated` and `info` are those of the true end, and nothing is raised.
+# Guess before running: if an episode ends within the skipped steps, the observation is the last one of them, or the
+# maximum of the last two, as usual.
+# Outcome: wrong. The wrapper compares the pictures of the third and the fourth step. If the episode ends at the first
+# or second step, both pictures are left over from the previous skip, and a car that has just hit the wall is shown up
+# to three steps before the wall. If it ends at the third step, its picture is mixed with an older one. `reward`,
+# `terminated` and `info` belong to the true end, and no error is raised.
 #
 # Our robots of the kind `gymnasium` show the observation of the step that ended the game.
 set -eu

@@ -1,13 +1,13 @@
 #!/bin/sh
 # h5py 3.16.0 (HDF5 2.0.0): a live reader (SWMR) sees the numbers of a recording, but no JPEG picture or label.
 #
-# Guess before running: in a file that one program writes and another reads (single writer, multiple readers), refresh()
-# shows all rows that were flushed, whatever their type; or a type that does not work in this mode is refused when the
-# dataset is created, when the mode is switched on, or when a row is written.
+# Guess before running: in a file that one program writes and another reads (single writer, multiple readers),
+# refresh() shows all flushed rows of any type. Or a type that does not work in this mode is refused when the dataset
+# is created, when the mode is switched on, or when a row is written.
 # Outcome: wrong. Values of variable length, such as JPEG pictures and strings, are accepted without an error. The
-# reader sees the new length, but reading any row raises OSError ("address of object past end of allocation"), also
-# when it opens the file again. Once the writer closes its file, all rows can be read. Pictures in rows of a fixed
-# length work.
+# reader sees the new length, but reading any row raises OSError ("address of object past end of allocation"), even
+# after the reader has opened the file again. Once the writer has closed its file, all rows can be read. Pictures in
+# rows of a fixed length work.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,11 +1,11 @@
 #!/bin/sh
 # imagecodecs 2026.3.6: with LERC, a codec for rasters of heights and depths, a missing distance becomes 0 m.
 #
-# Guess before running: lerc_decode(lerc_encode(depth)) gives the array again, as its default allows no error. So NaN,
-# with which depth cameras mark what they did not measure, stays NaN, as with the ZFP codec.
-# Outcome: wrong. NaN is stored apart, in a mask that lerc_decode() only returns if masks=True is given; without it the
-# places hold 0. All other numbers are exact, so that a comparison which skips NaN finds no fault, and a robot that
-# stops in front of what is nearer than 0.2 m stops in front of nothing.
+# Guess before running: lerc_decode(lerc_encode(depth)) returns the same array, because by default no error is
+# allowed. NaN, with which depth cameras mark pixels that they could not measure, stays NaN, as with the ZFP codec.
+# Outcome: wrong. NaN is stored separately, in a mask that lerc_decode() returns only with masks=True. Without it,
+# these pixels contain 0. All other numbers are exact, so a comparison that skips NaN finds no fault. A robot that
+# stops at things nearer than 0.2 m stops although there is nothing.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,12 +1,12 @@
 #!/bin/sh
-# imageio-ffmpeg 0.8.1, av 18.1.0: the pictures that are read from a film with irregular times are not
-# those of the film, even if their number is.
+# imageio-ffmpeg 0.8.1, av 18.1.0: the pictures read from a film with irregular times are not the pictures of the
+# film, even if their number is right.
 #
 # Guess before running: read_frames yields each picture of the film once.
-# Outcome: wrong. ffmpeg repeats and drops pictures until they have one rate, which it takes from the file.
-# The same eight pictures come as 47 from a Matroska file. From an MP4 file eight come, but the third is not
-# among them and the fourth comes twice, so a comparison with count_frames_and_secs finds nothing wrong.
-# With output_params=["-fps_mode", "passthrough"] both files yield the eight.
+# Outcome: wrong. ffmpeg repeats and drops pictures until they have a constant rate, which it takes from the file. The
+# same eight pictures become 47 from a Matroska file. From an MP4 file eight are read, but the third is missing and
+# the fourth occurs twice, so a comparison with count_frames_and_secs finds no fault. With output_params=["-fps_mode",
+# "passthrough"] both files yield the eight pictures.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

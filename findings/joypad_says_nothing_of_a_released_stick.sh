@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# joypad.js 2.3.5 (npm): the last place of a game controller's stick is never its middle.
+# joypad.js 2.3.5 (npm): the middle of a game controller's stick is never reported.
 #
-# Guess before the run: when a stick springs back, `axis_move` is told once more, with a value near 0, or there is
-# another event, as there is `button_release` for a button.
-# Outcome: wrong. The event comes with each picture of the screen while the stick is more than 0.3 off its middle, and
-# is the only one. Of a stick that is let go at full speed, -1 is the last that a page hears, and what drives a robot
-# with each event's value never stops. The page must take silence for the middle, or read joypad.instances itself.
+# Guess before running: when a stick springs back, `axis_move` is sent once more with a value near 0, or there is
+# another event, like `button_release` for a button.
+# Outcome: wrong. `axis_move` is the only event. It is sent with each frame of the screen while the stick is more than
+# 0.3 off its middle. If a stick is released at full speed, the last value that a page gets is -1, so a robot that
+# uses each event's value never stops. The page must interpret silence as the middle, or read joypad.instances itself.
 #
-# Our page polls the controllers itself, and compares each reading with the last.
+# Our page polls the controllers itself, and compares each reading with the previous one.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 cd "$folder"

@@ -1,13 +1,13 @@
 #!/bin/sh
-# laspy 2.7.0: points are moved to a grid of a centimetre, and a missing distance becomes a point 21,000 km away.
+# laspy 2.7.0: points are rounded to a grid of one centimetre, and a missing distance becomes a point 21,000 km away.
 #
-# Guess before running: las.x = distances keeps float64 numbers to a millimetre at least until the file is written, and
-# NaN, with which depth cameras mark what they did not measure, is refused.
-# Outcome: wrong in both. Each coordinate becomes a 32-bit whole number as soon as it is assigned, and the default scale
-# of a header is 0.01: 4 mm are 0, and 1.2345 m are 1.23 m. NaN becomes the smallest whole number, -21474836.48 m, with
-# no more than NumPy's RuntimeWarning ("invalid value encountered in cast"), which names neither laspy nor the point.
-# The file is written, its header states a bounding box of that size, and a mean or a map's extent is of no use. With
-# header.scales = 0.001, set before the points are, 1.2345 m are 1.234 m, and NaN is -2147483.648 m.
+# Guess before running: las.x = distances keeps float64 numbers to a millimetre, at least until the file is written.
+# NaN, with which depth cameras mark pixels that they could not measure, is refused.
+# Outcome: wrong in both cases. Each coordinate becomes a 32-bit integer as soon as it is assigned, and the default
+# scale of a header is 0.01: 4 mm become 0, and 1.2345 m become 1.23 m. NaN becomes the smallest integer, -21474836.48
+# m, with only NumPy's RuntimeWarning ("invalid value encountered in cast"), which names neither laspy nor the point.
+# The file is written with a bounding box of that size in its header, so a mean or a map's extent is useless. With
+# header.scales = 0.001, set before the points, 1.2345 m become 1.234 m, and NaN becomes -2147483.648 m.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,11 +1,13 @@
 #!/bin/sh
-# lcm 1.5.3 (PyPI): a subscription with a queue of one message keeps the oldest over UDP, and all of them in memory.
+# lcm 1.5.3 (PyPI): a subscription with a queue of one message keeps the oldest message over UDP, and all messages in
+# memory.
 #
-# Guess before running: with set_queue_capacity(1) a robot that was busy while five velocities came handles the newest,
-# and the tests of its program see the same over "memq://", LCM's provider for tests within one process.
-# Outcome: wrong in both. Over "udpm://" the first of the five is handled, the newer ones are dropped, the stop at the
-# end included. Over "memq://" the capacity has no effect, and all five are handled. Without a limit (capacity 0) both
-# handle all five. To act on the newest, a program must handle everything that is queued before it drives.
+# Guess before running: with set_queue_capacity(1), a robot that was busy while five velocities arrived handles the
+# newest. Its tests see the same over "memq://", LCM's provider for tests within one process.
+# Outcome: wrong in both cases. Over "udpm://" the first of the five velocities is handled, and the newer ones are
+# dropped, including the final stop. Over "memq://" the capacity has no effect, and all five are handled. Without a
+# limit (capacity 0) both handle all five. To use only the newest velocity, a program must handle everything in the
+# queue before it drives.
 #
 # The messages use multicast, and do not leave the computer (ttl=0).
 set -eu

@@ -1,11 +1,11 @@
 #!/bin/sh
-# lerobot 0.6.1 (Python 3.12, 3.13): datasets whose films differ in the codec cannot be merged, but datasets
-# that differ in other settings of the encoder can.
+# lerobot 0.6.1 (Python 3.12, 3.13): datasets whose films have different codecs cannot be merged, but datasets with
+# other differences in the encoder's settings can.
 #
-# Guess before running: the validation of a merge says that it ignores information on the encoder, so
-# a dataset in H.264 can be merged with one in AV1, which lerobot itself records.
-# Outcome: wrong. crf, key frames, preset and backend may differ; the codec and the format of the
-# pixels may not, and the error says only that the same features are expected.
+# Guess before running: the validation of a merge says that it ignores information about the encoder, so a dataset in
+# H.264 can be merged with one in AV1, which lerobot itself records.
+# Outcome: wrong. crf, key frames, preset and backend may differ, but the codec and the pixel format may not. The
+# error says only that the same features are expected.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

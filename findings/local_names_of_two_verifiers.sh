@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# cryptography 50.0.2 (PyPI) and OpenSSL, as Python's ssl has it: certificates for names of a local network.
+# cryptography 50.0.2 (PyPI) and OpenSSL, as used by Python's ssl: certificates for names of a local network.
 #
-# Guess before the run: both verifiers of a server's certificate agree on names such as `my_robot.local` and
-# `*.local`, and on an authority that is limited to `.local`.
-# Outcome: wrong three times, in both directions (OpenSSL 3.0.19):
+# Guess before running: both verifiers of a server's certificate agree on names such as `my_robot.local` and
+# `*.local`, and on a certificate authority that is limited to `.local`.
+# Outcome: wrong in all three cases, and not always in the same direction (OpenSSL 3.0.19):
 #   my_robot.local          OpenSSL accepts it; cryptography: "invalid domain name"
 #   *.local for robot.local OpenSSL: host name mismatch, a wildcard needs two more labels; cryptography accepts it
 #   limited to `.local`     OpenSSL accepts the leading dot; cryptography: "malformed DNS name constraint"
-# Both accept an authority limited to `local`, without the dot, and plain names.
+# Both accept an authority that is limited to `local`, without the dot, and plain names.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"

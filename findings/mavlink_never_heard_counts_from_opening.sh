@@ -1,10 +1,10 @@
 #!/bin/sh
-# pymavlink 2.4.50: a vehicle that was never heard looks as if it was heard when the line was opened.
+# pymavlink 2.4.50: a vehicle that was never heard seems to have been heard when the connection was opened.
 #
-# Guess before running: time_since("HEARTBEAT") on a new line without any vehicle is a huge number (the
-# time since 1970), or None.
-# Outcome: wrong. It is 0.0 s on a new line and grows from there: .2 s after opening it is .2. So a
-# check for "heard within the last second" passes although there is no vehicle.
+# Guess before running: without any vehicle, time_since("HEARTBEAT") on a new connection is a huge number (the time
+# since 1970), or None.
+# Outcome: wrong. It is 0.0 s on a new connection and grows from there: 0.2 s after opening it is 0.2. A check for
+# "heard within the last second" therefore passes although there is no vehicle.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

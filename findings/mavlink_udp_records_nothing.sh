@@ -1,10 +1,9 @@
 #!/bin/sh
-# pymavlink 2.4.50: setup_logfile() records nothing on a UDP line.
+# pymavlink 2.4.50: setup_logfile() records nothing on a UDP connection.
 #
-# Guess before running: after close() the .tlog of a udpin line holds all 30 messages that came.
-# Outcome: wrong. The file stays empty, even after a flush, and there is no error. The same messages
-# over TCP are recorded. UDP is the usual line of a simulator, a companion computer and a telemetry
-# bridge.
+# Guess before running: after close(), the .tlog of a udpin connection contains all 30 messages that arrived.
+# Outcome: wrong. The file stays empty, even after a flush, and there is no error. Over TCP the same messages are
+# recorded. Simulators, companion computers and telemetry bridges usually use UDP.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

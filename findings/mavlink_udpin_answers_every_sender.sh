@@ -1,9 +1,9 @@
 #!/bin/sh
-# pymavlink 2.4.50: what is sent on a "udpin" line goes to everybody who has written to it.
+# pymavlink 2.4.50: a message sent on a "udpin" connection goes to everybody who has sent to it.
 #
-# Guess before running: with two vehicles on one udpin port, a message goes to the one that wrote last.
-# Outcome: wrong. Both get it. So an order to one rover also reaches the other rover, which must
-# compare target_system itself.
+# Guess before running: with two vehicles on one udpin port, a message goes to the vehicle that sent last.
+# Outcome: wrong. Both vehicles get it. An order to one rover therefore also reaches the other rover, which must check
+# target_system itself.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

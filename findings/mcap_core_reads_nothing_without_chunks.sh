@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# @mcap/core 2.2.2 (npm): its reader yields no message of a file without chunks, and raises nothing.
+# @mcap/core 2.2.2 (npm): its reader yields no messages from a file without chunks, and raises no error.
 #
-# Guess before the run: McapIndexedReader reads a file that McapWriter wrote with useChunks: false, or
-# refuses it, because it has no index. A small logger writes such files, as nothing must be buffered.
-# Outcome: wrong. It opens the file, its statistics count three messages, and readMessages() ends after
-# none. So a recording looks empty. McapStreamReader reads all three.
+# Guess before running: McapIndexedReader reads a file that McapWriter wrote with useChunks: false, or refuses it,
+# because it has no index. A small logger writes such files, because it then needs no buffer.
+# Outcome: wrong. It opens the file, its statistics count three messages, and readMessages() yields none of them. The
+# recording therefore looks empty. McapStreamReader reads all three.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 cd "$folder"

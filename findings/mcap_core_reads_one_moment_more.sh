@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# @mcap/core 2.2.2 (npm) and mcap 1.6.0 (PyPI): the same range of times yields more messages in
-# JavaScript than in Python.
+# @mcap/core 2.2.2 (npm) and mcap 1.6.0 (PyPI): the same range of times yields more messages in JavaScript than in
+# Python.
 #
-# Guess before the run: both official readers exclude the end of the range, so ranges that follow each
-# other give each message once.
-# Outcome: wrong. `readMessages({endTime})` includes messages at that time, `iter_messages(end_time=)`
-# (exclusive, now deprecated) does not. If a recording is cut at 2, its two halves have four messages of three in JavaScript, so a
-# picture that was taken at the cut is in both halves.
+# Guess before running: both official readers exclude the end of the range, so consecutive ranges yield each message
+# once.
+# Outcome: wrong. `readMessages({endTime})` includes messages at that time, but `iter_messages(end_time=)` (exclusive,
+# now deprecated) does not. If a recording of three messages is cut at time 2, its two halves have four messages in
+# JavaScript: a picture that was taken at the cut is in both halves.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 cd "$folder"

@@ -1,11 +1,11 @@
 #!/bin/sh
-# mcap 1.6.0: reading backwards reads forwards where a file has no chunks.
+# mcap 1.6.0: reading backwards reads forwards if a file has no chunks.
 #
-# Guess before running: `iter_messages(reverse=True)` gives the messages in the opposite order of
-# `iter_messages()` for every file that the library writes, or raises.
-# Outcome: wrong for a file that was written with use_chunking=False. It has no index of chunks, so
-# the reader sorts all messages by time and gives them from the first on. It ignores `reverse`, and
-# raises nothing. So the first message that comes from such a file is its oldest, not its newest.
+# Guess before running: for every file that the library writes, `iter_messages(reverse=True)` yields the messages in
+# the opposite order of `iter_messages()`, or raises an error.
+# Outcome: wrong for a file that was written with use_chunking=False. It has no index of chunks, so the reader sorts
+# all messages by time and yields them from the first one on. It ignores `reverse`, and raises no error. The first
+# message from such a file is therefore its oldest, not its newest.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# MicroPython 1.25.0 (npm: @micropython/micropython-webassembly-pyscript): what json.dumps makes of an array.
+# MicroPython 1.25.0 (npm: @micropython/micropython-webassembly-pyscript): json.dumps writes invalid JSON for an
+# array.
 #
-# Guess before the run: `json.dumps` of a reading in an `array` (as ADC buffers are) raises TypeError, as in CPython.
-# Outcome: wrong. It writes the array's repr, `array('H', [512, 7])`, into the text and raises nothing; a `range` is
-# written in the same way. So the message is sent, but no JSON reader accepts it, not even MicroPython's own
+# Guess before running: `json.dumps` of a reading in an `array` (the type of ADC buffers) raises TypeError, as in
+# CPython.
+# Outcome: wrong. It writes the array's repr, `array('H', [512, 7])`, into the text and raises no error; a `range` is
+# written in the same way. The message is sent, but no JSON reader accepts it, not even MicroPython's own
 # `json.loads`.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT

@@ -1,10 +1,13 @@
 #!/usr/bin/env bash
-# MicroPython 1.27.0 (npm: @micropython/micropython-webassembly-pyscript): a speed beyond the field drives backwards.
+# MicroPython 1.27.0 (npm: @micropython/micropython-webassembly-pyscript): a speed that does not fit into its field
+# becomes a backward speed.
 #
-# Guess before the run: struct.pack("<b", 200) raises, as in CPython. So do an array of type "b" and a bytearray.
-# Outcome: wrong. The lowest bits are taken: 200 in a signed byte is -56, and 70000 in "<h" is 4464. A missing value
-# is packed as 0, and one too many is left out. A program that was tested on a computer, where each of these
-# raises, thus turns a motor backwards on the hub. bytes([300]) and (70000).to_bytes(2, "little") do raise.
+# Guess before running: struct.pack("<b", 200) raises an error, as in CPython. So do an array of type "b" and a
+# bytearray.
+# Outcome: wrong. Only the lowest bits are used: 200 in a signed byte is -56, and 70000 in "<h" is 4464. A missing
+# value is packed as 0, and a surplus value is left out. On a computer each of these raises an error, so a program
+# that was tested there may turn a motor backwards on the hub. bytes([300]) and (70000).to_bytes(2, "little") do raise
+# an error.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 cd "$folder"

@@ -1,10 +1,10 @@
 #!/bin/sh
 # minimalmodbus 2.1.1: a speed of 0.29 is written as 28 hundredths.
 #
-# Guess before running: write_register(1, 0.29, 2) writes 29, and read_register(1, 2) then gives 0.29.
-# Outcome: wrong. The product, 28.999999999999996, is cut rather than rounded. Of the values from 0.00 to 1.00 in
-# hundredths, three arrive one too low (0.29, 0.57 and 0.58). A setting of 0.58 that is read and written back
-# becomes 0.57 and then 0.56, and a program that waits until it reads what it wrote waits for ever.
+# Guess before running: write_register(1, 0.29, 2) writes 29, and read_register(1, 2) then returns 0.29.
+# Outcome: wrong. The product, 28.999999999999996, is truncated instead of rounded. Of the values from 0.00 to 1.00 in
+# steps of a hundredth, three arrive one too low (0.29, 0.57 and 0.58). A setting of 0.58 that is read and written
+# back becomes 0.57 and then 0.56. A program that waits until it reads what it wrote waits forever.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

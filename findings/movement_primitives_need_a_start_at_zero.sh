@@ -1,12 +1,12 @@
 #!/bin/sh
-# movement-primitives 0.9.1: a movement that is shown with the times of a recording is learned as a plain reach.
+# movement-primitives 0.9.1: a movement with the times of a recording is learned as a plain reach to its end.
 #
-# Guess before running: DMP.imitate(T, Y) takes any times, since it is given those of all points, and learns the
-# same from a piece that begins at 5 s as from one that begins at 0; or it refuses the first.
-# Outcome: wrong. The phase is computed from T as it is, and after the movement's duration it is nearly over, so little
-# of the shape is learned, and nothing is raised. The end is still reached, as the spring pulls there: a half circle,
-# 1 m high, is driven .11 m high, through what the teacher drove around. imitate(T - T[0], Y) helps. ProMP is wrong by
-# .14 instead of .02 m at the times that it was taught.
+# Guess before running: DMP.imitate(T, Y) accepts any times, since it gets the times of all points. It learns the same
+# from a movement that begins at 5 s as from one that begins at 0, or it refuses the first.
+# Outcome: wrong. The phase is computed from T without a shift, and after the movement's duration it is nearly over.
+# Little of the shape is therefore learned, and no error is raised. The end is still reached, because the spring pulls
+# towards it. A half circle that is 1 m high is driven with a height of 0.11 m, through the obstacle that the teacher
+# drove around. imitate(T - T[0], Y) helps. At the taught times, ProMP is wrong by 0.14 m instead of 0.02 m.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# mqtt 5.16.0 (npm, MQTT.js; aedes 1.2.0): what a short program publishes before it ends is not delivered.
+# mqtt 5.16.0 (npm, MQTT.js; aedes 1.2.0): a message that a short program publishes before it ends is not delivered.
 #
-# Guess before the run: connect(), publish("stop") and end(), one after the other, deliver the stop: publish() before
-# the connection is queued, and end() without force waits for what is under way. If it cannot be delivered, publish()
-# tells its callback.
-# Outcome: wrong for both. end() waits only for messages that were sent already. The queued one is dropped, the callback
-# of publish() is never called, there is no event "error", and the callback of end() reports success. With a QoS of 1
-# the stop is not delivered either, and end() had not called back 20 s later. If the program calls end() after the event
-# "connect", or in the callback of publish(), the stop arrives.
+# Guess before running: connect(), publish("stop") and end(), called one after the other, deliver the stop: publish()
+# before the connection queues the message, and end() without force waits for pending messages. If the message cannot
+# be delivered, publish() tells its callback.
+# Outcome: wrong in both points. end() waits only for messages that were already sent. The queued message is dropped,
+# the callback of publish() is never called, there is no event "error", and the callback of end() reports success.
+# With a QoS of 1 the stop is not delivered either, and end() had not called back after 20 s. If the program calls
+# end() after the event "connect", or in the callback of publish(), the stop arrives.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

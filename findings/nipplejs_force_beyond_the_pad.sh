@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# nipplejs 1.0.4 (npm): the force of an on-screen joystick has no end.
+# nipplejs 1.0.4 (npm): the force of an on-screen joystick has no upper limit.
 #
-# Guess before the run: "force", which the README calls "strength in %" with 0.2 as an example, ends at 1, where the
-# stick stops. The distance ends there, too.
-# Outcome: wrong. The stick, the distance and the vector stop at the pad's edge, but the force goes on growing with the
-# finger: at three times the radius it is 3. A page that multiplies its highest speed by the force asks for three
-# times that speed, as soon as a finger slides on.
+# Guess before running: "force", which the README calls "strength in %" with 0.2 as an example, is at most 1, which it
+# reaches where the stick stops. The distance has this limit, too.
+# Outcome: wrong. The stick, the distance and the vector stop at the pad's edge, but the force keeps growing with the
+# finger's distance: at three times the radius it is 3. A page that multiplies its maximum speed by the force requests
+# three times that speed if a finger slides that far.
 #
-# Our page has its own pad, which ends at 1.
+# Our page has its own pad, whose values are at most 1.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 cd "$folder"

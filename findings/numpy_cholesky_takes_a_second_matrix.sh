@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# numpy 2.4.6 and 2.5.5 (PyPI, Python 3.12 or newer): the memory that a Cholesky factorisation takes.
+# numpy 2.4.6 and 2.5.5 (PyPI, Python 3.12 or newer): the memory that a Cholesky factorisation needs.
 #
-# Guess before the run: `numpy.linalg.cholesky` takes only the memory of its result in both versions, so a memory
+# Guess before running: in both versions `numpy.linalg.cholesky` needs only the memory of its result, so a memory
 # limit that is enough for one version is enough for the other.
-# Outcome: wrong. 2.4.6 takes the memory of one matrix, 2.5.5 that of two, for the lower factor and for the upper.
+# Outcome: wrong. 2.4.6 needs the memory of one matrix, and 2.5.5 that of two, for the lower factor and for the upper
+# one.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
