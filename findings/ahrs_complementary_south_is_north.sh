@@ -22,7 +22,7 @@ RATE_HZ, SAMPLES = 100.0, 1500
 
 
 def off(filter_class: type, heading_rad: np.ndarray, compass_rad: np.ndarray) -> np.ndarray:
-    """Return by how much the heading is off in each sample, in degrees."""
+    """Return the error of the heading in each sample, in degrees."""
     turning = np.gradient(heading_rad) * RATE_HZ
     zeros = np.zeros(SAMPLES)
     found = filter_class(

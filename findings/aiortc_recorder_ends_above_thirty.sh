@@ -49,7 +49,7 @@ async def record(name: str, times_s: list[float]) -> tuple[int, float | None, st
     recorder.addTrack(camera)
     await recorder.start()
     before = -1
-    while before != camera.taken:  # until the recorder takes no more
+    while before != camera.taken:  # until the recorder takes no more pictures
         before = camera.taken
         await asyncio.sleep(1)
     try:

@@ -23,7 +23,7 @@ BACK = [(True, False), (False, False), (False, True), (True, True)]
 
 
 def turned(**settings: object) -> tuple[int, int, int]:
-    """Return the steps after 20 forward, after 20 back again, and how many calls told of a step forward."""
+    """Return the steps after 20 forward, after 20 back, and the number of calls that report a step forward."""
     Device.pin_factory = MockFactory()
     pins = [Device.pin_factory.pin(number) for number in (17, 18)]
     calls = []

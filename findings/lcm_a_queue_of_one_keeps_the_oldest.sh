@@ -26,7 +26,7 @@ VELOCITIES = [b"0.1", b"0.2", b"0.3", b"0.4", b"stop"]
 
 
 def handled(provider: str, capacity: int) -> list[bytes]:
-    """Return what a robot handles that was busy while the velocities came."""
+    """Return what a robot handles after it was busy while the velocities arrived."""
     line, messages = lcm.LCM(provider), []
     subscription = line.subscribe(CHANNEL, lambda channel, data: messages.append(data))
     subscription.set_queue_capacity(capacity)

@@ -30,7 +30,7 @@ broker.on("publish", (packet, client) => {
   if (client) delivered += String(packet.payload) === "stop";
 });
 
-/** Publish a stop and end at one of three moments; return what was delivered and what was told. */
+/** Publish a stop and end at one of three moments; return what was delivered and reported. */
 async function stop(moment) {
   const told = { published: "nothing", ended: "nothing", errors: 0 };
   delivered = 0;

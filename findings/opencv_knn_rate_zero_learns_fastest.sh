@@ -2,12 +2,12 @@
 # opencv-python-headless 5.0.0.93 (x86-64): BackgroundSubtractorKNN learns fastest with a learning rate of 0, which is
 # documented as "not updated at all".
 #
-# Guess before running: after 50 pictures of an empty floor, apply(picture, learningRate=0) reports a thing that was put
-# down in each of 600 pictures, as BackgroundSubtractorMOG2 does.
-# Outcome: wrong. The thing is part of the floor after 5 pictures; at the automatic rate that takes 27, and at a rate
-# of 0.01 it takes 22. The number of pictures between two updates is computed from log(0.7) / log(1 - rate), which is
-# a division by zero, and the result is negative. A rate of 1e-6 keeps the background. So a robot that learns the
-# floor while nobody is there, and then stops learning, sees nobody.
+# Guess before running: after 50 pictures of an empty floor, apply(picture, learningRate=0) reports a thing that is
+# put on the floor in each of 600 pictures, as BackgroundSubtractorMOG2 does.
+# Outcome: wrong. The thing becomes part of the floor after 5 pictures. That takes 27 pictures at the automatic rate,
+# and 22 at a rate of 0.01. The number of pictures between two updates is computed from log(0.7) / log(1 - rate),
+# which divides by zero, and the result is negative. A rate of 1e-6 keeps the background. A robot that learns the
+# floor while nobody is there, and then stops learning, therefore sees nobody.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

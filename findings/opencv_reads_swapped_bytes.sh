@@ -1,14 +1,14 @@
 #!/bin/sh
-# opencv-python-headless 5.0.0.93, onnxruntime 1.32.0 (numpy 2.4.6): an array whose bytes are swapped is read as if they
-# were not, so a depth of 1000 mm becomes 59395 mm.
+# opencv-python-headless 5.0.0.93, onnxruntime 1.32.0 (numpy 2.4.6): the bytes of a byte-swapped array are read in the
+# wrong order, so a depth of 1000 mm becomes 59395 mm.
 #
-# Guess before running: both convert an array of the dtype '>u2' or '>f4', as SciPy and faiss do, or refuse it, as
-# PyAV and usearch do.
-# Outcome: wrong for both. They look at the kind and the size of the numbers, not at their order, and raise nothing.
-# Such arrays are common in recordings: the pixels of a 16-bit PGM are big-endian, as are ROS images with
-# is_bigendian, and HDF5, Zarr and .npy keep the order in which they were written. NumPy itself calculates rightly
-# with them, so plots and means look right until a picture is resized or given to a network; the floats become
-# numbers near zero. array.astype(array.dtype.newbyteorder("=")) before the call helps.
+# Guess before running: both libraries convert an array of the dtype '>u2' or '>f4', as SciPy and faiss do, or refuse
+# it, as PyAV and usearch do.
+# Outcome: wrong for both. They check the kind and the size of the numbers, but not their byte order, and raise no
+# error. Such arrays are common in recordings: the pixels of a 16-bit PGM are big-endian, as are ROS images with
+# is_bigendian, and HDF5, Zarr and .npy keep the byte order in which they were written. NumPy itself calculates
+# correctly with such arrays, so plots and means look right until a picture is resized or given to a network. Swapped
+# floats become numbers near zero. array.astype(array.dtype.newbyteorder("=")) before the call helps.
 #
 # Our program gives OpenCV only bytes and arrays of its own.
 set -eu

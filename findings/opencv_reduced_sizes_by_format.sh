@@ -1,11 +1,10 @@
 #!/bin/sh
-# opencv-python-headless 5.0.0.93: the size of a picture that is decoded at an eighth depends on
-# its file format.
+# opencv-python-headless 5.0.0.93: the size of a picture that is decoded at one eighth depends on its file format.
 #
-# Guess before running: IMREAD_REDUCED_GRAYSCALE_8 rounds the sides in one way for every format.
-# Outcome: wrong. A JPEG of 9x9 pixels becomes 2x2 (rounded up, as libjpeg scales). A PNG, BMP, WebP
-# or TIFF of the same size becomes 1x1 (rounded down, resized after decoding). A JPEG of 7x7 pixels
-# becomes 1x1, but a PNG of 7x7 is not decoded at all: imdecode raises resize's assertion error.
+# Guess before running: IMREAD_REDUCED_GRAYSCALE_8 rounds the sides in the same way for every format.
+# Outcome: wrong. A JPEG of 9x9 pixels becomes 2x2 (rounded up, as libjpeg scales). A PNG, BMP, WebP or TIFF of the
+# same size becomes 1x1 (rounded down, resized after decoding). A JPEG of 7x7 pixels becomes 1x1, but a PNG of 7x7 is
+# not decoded at all: imdecode raises an assertion error of resize.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

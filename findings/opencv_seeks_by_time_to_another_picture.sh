@@ -1,12 +1,12 @@
 #!/bin/sh
-# opencv-python-headless 5.0.0.93, av 18.1.0: OpenCV tells the right time of each picture of a film with
-# irregular times, but a jump to that time leads to another picture.
+# opencv-python-headless 5.0.0.93, av 18.1.0: OpenCV reports the right time of each picture of a film with irregular
+# times, but seeking to that time leads to another picture.
 #
-# Guess before running: set(CAP_PROP_POS_MSEC, t) with the time that get() told for a picture leads to
-# this picture.
-# Outcome: wrong. The time is multiplied by the average rate and taken as the number of a picture. In a film
-# with pictures at 0, 10, 20, 30, 1000, 1040, 1500 and 1540 ms the time of the fifth leads to the last, and the
-# times after it lead beyond the end, where nothing is read. set(CAP_PROP_POS_FRAMES, n) leads to picture n.
+# Guess before running: set(CAP_PROP_POS_MSEC, t) with the time that get() reported for a picture leads to this
+# picture.
+# Outcome: wrong. The time is multiplied by the average rate and used as the number of a picture. In a film with
+# pictures at 0, 10, 20, 30, 1000, 1040, 1500 and 1540 ms, the time of the fifth picture leads to the last one, and
+# later times lead beyond the end, where nothing is read. set(CAP_PROP_POS_FRAMES, n) leads to picture n.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

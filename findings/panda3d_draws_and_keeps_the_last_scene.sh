@@ -1,12 +1,11 @@
 #!/bin/sh
-# panda3d 1.10.16 (TinyDisplay): a window keeps the textures of the last scene that it drew, even
-# after the scene was removed.
+# panda3d 1.10.16 (TinyDisplay): a window keeps the textures of the last scene that it drew, even after the scene was
+# removed.
 #
-# Guess before running: a texture has no other owner left once its node is removed and the camera
-# looks at nothing.
-# Outcome: wrong. The window's state guardian keeps the last render state, and with it the texture,
-# until a frame of another scene with another texture is drawn; frames without any shape do not free
-# it. A program with two windows, for two picture sizes, keeps two scenes.
+# Guess before running: a texture has no other owner left once its node is removed and the camera looks at nothing.
+# Outcome: wrong. The window's state guardian keeps the last render state, and with it the texture, until a frame of
+# another scene with another texture is drawn. Frames without any shape do not free it. A program with two windows,
+# for two picture sizes, keeps two scenes.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,14 +1,14 @@
 #!/bin/sh
 # py_trees 2.6.0: neither interrupt() nor shutdown() nor an error ends the behaviour that drives the motor.
 #
-# Guess before running: terminate(), where a behaviour switches its motor off, is called for each running behaviour when
-# the tree is interrupted or shut down, or when another behaviour of the same tree raises an exception.
-# Outcome: wrong for all three. The motor is switched on, and never off. interrupt() ends only the loop of tick_tock(),
-# and shutdown() calls the behaviours' shutdown(), which is empty unless it is written; afterwards the behaviour still
-# says RUNNING. A behaviour that a timeout ends is terminated, so a test of that passes. root.stop(Status.INVALID) does
-# switch the motor off.
+# Guess before running: terminate(), in which a behaviour switches its motor off, is called for each running behaviour
+# when the tree is interrupted or shut down, or when another behaviour of the same tree raises an exception.
+# Outcome: wrong in all three cases. The motor is switched on, and never off. interrupt() ends only the loop of
+# tick_tock(). shutdown() calls the behaviours' shutdown(), which does nothing by default; afterwards the behaviour is
+# still RUNNING. A behaviour that a timeout ends is terminated, so a test with a timeout passes.
+# root.stop(Status.INVALID) does switch the motor off.
 #
-# Our robots stop when the program does not give them a new order in time.
+# Our robots stop if the program does not give them a new order in time.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,12 +1,11 @@
 #!/bin/sh
-# av 18.1.0 (FFmpeg 8.1.2, libx264): an MP4 film whose pictures come at irregular times states a
-# length that ends before its last pictures.
+# av 18.1.0 (FFmpeg 8.1.2, libx264): the length of an MP4 film with irregular times ends before its last pictures.
 #
 # Guess before running: the stream's duration is the time of the last picture, plus one picture.
-# Outcome: wrong as long as x264 may reorder pictures, which is its default. Pictures at 0, 10, 20, 30
-# and 1000 ms give a film of 0.07 s, although its last picture is decoded with the right time. The
-# duration is summed up from decoding times, which run ahead by the reordering. Without B-frames
-# (bf=0) the film is 1.03 s long. At a constant rate both are right.
+# Outcome: wrong if x264 may reorder pictures, which is its default. Pictures at 0, 10, 20, 30 and 1000 ms give a film
+# of 0.07 s, although its last picture is decoded with the right time. The duration is the sum of decoding times,
+# which run ahead because of the reordering. Without B-frames (bf=0) the film is 1.03 s long. At a constant rate both
+# durations are right.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

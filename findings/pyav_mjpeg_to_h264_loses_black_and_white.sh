@@ -1,15 +1,15 @@
 #!/bin/sh
 # av 18.1.0 (FFmpeg 8.1.2, libx264): the pictures of an MJPEG camera gain contrast when they are encoded as H.264.
 #
-# Guess before running: a decoded JPEG (full range, 0 to 255) that is given to a stream in yuv420p is
-# converted to that stream's range (16 to 235), as ffmpeg's command does, or the film says that it has the full range.
-# Outcome: wrong for both. The bytes are passed on as they are, and the film says nothing of a range, so each player
-# takes them for the limited one. All greys below 16 become black and those above 235 white, 62 becomes 53 and 190
-# becomes 202. A learner that is trained from films, and then drives by the camera's pictures, sees another world.
-# frame.reformat("yuv420p") before does not help; with src_color_range="JPEG", dst_color_range="MPEG" it does, and so
-# does stream.codec_context.color_range = 2.
+# Guess before running: a decoded JPEG (full range, 0 to 255) that is given to a stream in yuv420p is converted to
+# that stream's range (16 to 235), as the ffmpeg command does, or the film is marked as full range.
+# Outcome: wrong for both. The bytes are passed on unchanged, and the film contains no range, so each player assumes
+# the limited range. All greys below 16 become black and those above 235 white, 62 becomes 53, and 190 becomes 202. A
+# learner that is trained on films, and then drives by the camera's pictures, sees a different world.
+# frame.reformat("yuv420p") before encoding does not help. With src_color_range="JPEG", dst_color_range="MPEG" it
+# helps, and so does stream.codec_context.color_range = 2.
 #
-# Our films are made of RGB pixels, so they are not affected.
+# Our films are made from RGB pixels, so they are not affected.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,12 +1,12 @@
 #!/bin/sh
-# pymodbus 3.16.1: what is written to all motors at once is sent four times, and then counts as failed.
+# pymodbus 3.16.1: a message to all motors is sent four times, and then counts as failed.
 #
-# Guess before running: write_register(..., device_id=0) on a serial line sends once and returns at once, since address
-# 0 means all devices, and none of them may answer (Modbus over Serial Line 1.02, 2.1).
-# Outcome: wrong. It waits for an answer, sends the same again after each timeout, four times in all, and then raises
-# ModbusIOException, with the timeout of three seconds after twelve. So a program that stops all motors is held up for
-# that long, and then told that it failed, and "20 steps more" for all motors is done four times.
-# no_response_expected=True sends once and returns.
+# Guess before running: write_register(..., device_id=0) on a serial line sends once and returns immediately, since
+# address 0 means all devices, and none of them may answer (Modbus over Serial Line 1.02, 2.1).
+# Outcome: wrong. It waits for an answer, resends the message after each timeout, four times in all, and then raises
+# ModbusIOException. With a timeout of three seconds this takes twelve seconds. A program that stops all motors is
+# therefore blocked for that long, and then told that it failed. "20 steps more" for all motors is executed four
+# times. no_response_expected=True sends once and returns.
 #
 # Our robots do not use Modbus.
 set -eu

@@ -1,11 +1,11 @@
 #!/bin/sh
 # pymunk 7.3.1: a copy of a space moves differently from the original.
 #
-# Guess before running: Space.copy() in the middle of a simulation continues exactly as the original does,
-# since a second space that was built in the same way does.
-# Outcome: wrong. Right after copying all positions are equal, and half a second later some differ by tens of
-# units, because the copy lacks what the solver keeps of touching shapes. So a planner that tries its actions in
-# copies, or a simulation that is saved and continued, sees another future.
+# Guess before running: Space.copy() in the middle of a simulation continues exactly as the original does, since a
+# second space that was built in the same way does.
+# Outcome: wrong. Immediately after copying, all positions are equal. Half a second later some differ by tens of
+# units, because the copy lacks the solver's data about touching shapes. A planner that tries its actions in copies,
+# or a simulation that is saved and continued, therefore sees a different future.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

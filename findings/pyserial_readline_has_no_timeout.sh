@@ -1,10 +1,11 @@
 #!/bin/sh
-# pyserial 3.5: readline() of a line with a timeout of half a second lasts as long as bytes come.
+# pyserial 3.5: with a timeout of half a second, readline() still waits as long as bytes arrive.
 #
-# Guess before running: with timeout=0.5, readline() returns what it has after half a second, and so does read_until().
-# Outcome: wrong for readline(). The timeout starts again at each byte, because it is that of the read() of one byte
-# that Python's own readline() calls. A microcontroller that sends 'x' ten times a second without an end of line, such
-# as one at the wrong baud rate, holds up the control loop for ever. read_until() returns after half a second.
+# Guess before running: with timeout=0.5, readline() returns after half a second what it has received, and so does
+# read_until().
+# Outcome: wrong for readline(). The timeout starts again with each byte, because it belongs to the one-byte read()
+# that Python's own readline() calls. A microcontroller that sends 'x' ten times a second without an end of line, for
+# example at the wrong baud rate, blocks the control loop forever. read_until() returns after half a second.
 #
 # Our programs do not use this library.
 set -eu

@@ -1,12 +1,13 @@
 #!/bin/sh
 # tables 3.11.1 (PyTables): a column of 64-bit times ends in the year 2038, and a missing time becomes 1970.
 #
-# Guess before running: Time64Col, "64-bit time", keeps a float64 number of seconds to the microsecond at least, NaN for
-# a missing time, and numbers such as milliseconds since 1970; or it refuses what it cannot keep.
-# Outcome: wrong. It is stored as 32 bits of seconds and 32 bits of microseconds, as it was in C. The second after
-# 03:14:07 on 19 January 2038 is read back as the year 1901, milliseconds since 1970 become another time, and NaN
-# becomes 0, which is 1970. Nothing is raised or warned about. h5py cannot read the type (TypeError). Float64Col keeps
-# all of them.
+# Guess before running: Time64Col, "64-bit time", stores a float64 number of seconds, precise to at least a
+# microsecond. It also stores NaN for a missing time, and numbers such as milliseconds since 1970, or it refuses what
+# it cannot store.
+# Outcome: wrong. A time is stored as 32 bits of seconds and 32 bits of microseconds, as formerly in C. The second
+# after 03:14:07 on 19 January 2038 is read back as the year 1901, milliseconds since 1970 become another time, and
+# NaN becomes 0, which is 1970. There is no error or warning. h5py cannot read the type (TypeError). Float64Col stores
+# all these times.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,16 +1,16 @@
 #!/bin/sh
-# python-can 4.6.1: an ASC log that begins at .010 of a second is read back 90 ms late, and what came before its first
-# message goes to the year 2077.
+# python-can 4.6.1: an ASC log that begins at a fraction of .010 s is read back 90 ms late, and messages before its
+# first one are moved to the year 2077.
 #
-# Guess before running: the times of messages that ASCWriter wrote come back within a millisecond, also if two buses are
-# recorded, whose messages are not in the order of time.
-# Outcome: wrong in both. The milliseconds of the beginning are written without zeros in front, so 20.010 s becomes
-# "20.10", and with relative_timestamp=False all times are late by 90 ms; a log that begins at .001 is 99 ms late, one
-# at .250 is right. A message of the second bus that is 1 ms older than the first one gets its seconds since 1970 as
-# seconds since the beginning. Nothing is raised. CSV, TRC and SQLite keep all times; BLF and .log put the older message
-# at the beginning.
+# Guess before running: the times of messages that ASCWriter wrote are read back within a millisecond, even if two
+# buses are recorded whose messages are not in the order of time.
+# Outcome: wrong in both cases. The milliseconds of the beginning are written without leading zeros, so 20.010 s
+# becomes "20.10", and with relative_timestamp=False all times are 90 ms late. A log that begins at .001 is 99 ms
+# late, and one that begins at .250 is right. If a message of the second bus is 1 ms older than the first message, its
+# seconds since 1970 are stored as seconds since the beginning. No error is raised. CSV, TRC and SQLite store all
+# times correctly; BLF and .log put the older message at the beginning.
 #
-# Our robots use no CAN bus.
+# Our robots do not use a CAN bus.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,11 +1,11 @@
 #!/bin/sh
 # python-socketio 5.18.1: a stop that was sent after a speed can be handled before it.
 #
-# Guess before running: the events of one client are handled in the order in which they came, each after the one before,
-# as a websocket's messages are in a loop.
-# Outcome: wrong. By default (async_handlers) each event gets its own task, or thread in the server without asyncio. A
-# handler that awaits something before it sets the motors, such as a lock or a line of a log, lets the next event pass:
-# of "drive 0.5" and "drive 0" from one phone the last to be set is 0.5, and the robot drives on. With
+# Guess before running: the events of one client are handled one after the other, in the order in which they arrive,
+# like a websocket's messages in a loop.
+# Outcome: wrong. By default (async_handlers) each event gets its own task, or its own thread in the server without
+# asyncio. If a handler awaits something before it sets the motors, such as a lock or a line of a log, the next event
+# overtakes it. Of "drive 0.5" and "drive 0" from one phone, 0.5 is set last, and the robot drives on. With
 # async_handlers=False the order is kept.
 #
 # Our server handles the messages of one connection one after the other.

@@ -1,17 +1,17 @@
 #!/usr/bin/env bash
-# react-joystick-component 6.2.1, joystick-controller 1.1.1 (npm): a finger that the phone takes away never lets go, and
-# a throttled joystick keeps the first place of a quick finger.
+# react-joystick-component 6.2.1, joystick-controller 1.1.1 (npm): a touch that the phone cancels is never released,
+# and a throttled joystick misses the last position of a quick finger.
 #
-# Guess before the run: if the phone itself ends a touch (pointercancel or touchcancel, as for a call, a gesture of the
-# system, or one finger too many), both joysticks return to their middle and report it. With `throttle={100}` the place
-# where the finger rests is reported in the end.
-# Outcome: wrong. Both listen only for the finger's regular end. After a cancelled touch `stop` is not called, and the
-# place does not return to 0, until somebody touches the joystick again, so a robot drives on at full speed. With a
-# throttle, places that come within 100 ms are dropped, the last one too: after a flick forward and back to the middle,
-# the page still has full speed while the finger rests in the middle.
+# Guess before running: if the phone itself ends a touch (pointercancel or touchcancel, for example because of a call,
+# a system gesture, or one finger too many), both joysticks return to the middle and report it. With `throttle={100}`
+# the position at which the finger rests is finally reported.
+# Outcome: wrong. Both joysticks listen only for the regular end of a touch. After a cancelled touch `stop` is not
+# called, and the position does not return to 0 until somebody touches the joystick again, so a robot drives on at
+# full speed. With a throttle, positions that arrive within 100 ms are dropped, even the last one. After a flick
+# forward and back to the middle, the page still has full speed while the finger rests in the middle.
 #
-# Our page takes its three kinds of an end (pointerup, pointercancel, lostpointercapture) as one, and our robots stop
-# when no order comes.
+# Our page handles the three kinds of an end (pointerup, pointercancel, lostpointercapture) in the same way, and our
+# robots stop if no order arrives.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 cd "$folder"

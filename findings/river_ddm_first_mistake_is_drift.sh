@@ -1,12 +1,13 @@
 #!/bin/sh
-# river 0.26.1: the drift detector DDM takes the first mistake of a good model for a drift, however long it was right.
+# river 0.26.1: the drift detector DDM reports a drift at the first mistake of a good model, however long it was
+# right.
 #
-# Guess before running: after 1000 right answers a single wrong one is no drift, nor a warning.
-# Outcome: wrong. The detector compares the error rate with the lowest so far, plus three standard deviations. If the
-# first 31 answers or more are right, both are zero, so any rate is above. A program that starts its learner again at a
-# drift, as is usual, then forgets everything for one wrong answer of a thousand. In 10,000 answers a model with a
-# steady rate of one mistake in 1000 has eight alarms, and worse models, with a mistake in 100, 20 or 10, have none.
-# ADWIN, HDDM-A and HDDM-W raise no alarm for the same answers.
+# Guess before running: after 1000 right answers, a single wrong one is neither a drift nor a warning.
+# Outcome: wrong. The detector compares the error rate with the lowest rate so far, plus three standard deviations. If
+# at least the first 31 answers are right, both are zero, so any error rate is above them. A program that restarts its
+# learner at a drift, as is usual, then forgets everything because of one wrong answer in a thousand. In 10,000
+# answers, a model with a constant rate of one mistake in 1000 has eight alarms, while worse models, with one mistake
+# in 100, 20 or 10, have none. ADWIN, HDDM-A and HDDM-W raise no alarm for the same answers.
 #
 # Our learners use no drift detector.
 set -eu

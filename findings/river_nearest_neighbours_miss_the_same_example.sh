@@ -1,12 +1,12 @@
 #!/bin/sh
-# river 0.26.1: KNNClassifier, as it comes, may answer with neighbours from the far side of what it was
-# taught, although it was taught exactly this example many times.
+# river 0.26.1: with its defaults, KNNClassifier may answer with neighbours that are far away, although it has learned
+# exactly the given example many times.
 #
-# Guess before running: with three neighbours, a value that was taught 67 times, always as "right", is "right".
-# Outcome: wrong in many models. The default engine, SWINN, searches a graph that may fall into parts if the
-# examples lie in a few dense groups, as the pictures of a robot do that drives the same lap. Then it returns the
-# nearest of the wrong part, with a probability of 1; the next question, from another random start, may be right.
-# With engine=LazySearch(...) all are right.
+# Guess before running: with three neighbours, a value that was learned 67 times, always as "right", is "right".
+# Outcome: wrong in many models. The default engine, SWINN, searches a graph. The graph may fall apart if the examples
+# lie in a few dense groups, like the pictures of a robot that always drives the same lap. Then the engine returns the
+# nearest examples of the wrong part, with a probability of 1. The next query, from another random start, may be
+# right. With engine=LazySearch(...) all answers are right.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,12 +1,13 @@
 #!/bin/sh
 # river 0.26.1: the rule learner AMRules raises ZeroDivisionError in a drive that is steered with keys.
 #
-# Guess before running: AMRules learns a steering of -1, 0 or 1 as well as any other number, as HoeffdingTreeRegressor
-# does, which splits by the same criterion.
-# Outcome: wrong. A rule looks for a split after each 200 examples that it covers. If all of these had the same target,
-# their variance is 0, and the criterion divides by it. So learn_one() raises at the 200th example of a straight drive,
-# and in a drive with three commands as soon as a rule has found one of them, here at the 1161st. Each further example
-# for this rule raises again. The same steering with a little noise is learned to its end.
+# Guess before running: AMRules learns a steering of -1, 0 or 1 as well as any other number, like
+# HoeffdingTreeRegressor, which splits by the same criterion.
+# Outcome: wrong. A rule looks for a split after every 200 examples that it covers. If all of these had the same
+# target, their variance is 0, and the criterion divides by it. learn_one() therefore raises an error at the 200th
+# example of a straight drive. In a drive with three commands it does so as soon as a rule has isolated one of them,
+# in this script at the 1161st example. Each further example for this rule raises the error again. The same steering
+# with a little noise is learned without an error.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,10 +1,10 @@
 #!/bin/sh
-# rosbags 0.11.9: a bag without messages lasts minus 292 years.
+# rosbags 0.11.9: a bag without messages has a duration of minus 292 years.
 #
-# Guess before running: an empty rosbag2, written and read by rosbags itself, has a duration of 0, or
-# its start and end are refused.
-# Outcome: wrong. AnyReader opens it; start_time is 9223372036854775807 (the year 2262), end_time is
-# 0, and duration is -9223372036854775807 ns, which silently falsifies sums and averages.
+# Guess before running: an empty rosbag2, written and read by rosbags itself, has a duration of 0, or reading its
+# start and end raises an error.
+# Outcome: wrong. AnyReader opens it. start_time is 9223372036854775807 (the year 2262), end_time is 0, and duration
+# is -9223372036854775807 ns, which silently falsifies sums and averages.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,15 +1,15 @@
 #!/bin/sh
-# rosbags-image 0.10.4 (rosbags 0.11.9, opencv-python-headless 5.0.0.93): a picture whose rows end with filling bytes
-# comes out slanted.
+# rosbags-image 0.10.4 (rosbags 0.11.9, opencv-python-headless 5.0.0.93): a picture whose rows end with padding bytes
+# becomes slanted.
 #
-# Guess before running: message_to_cvimage() reads each row of a sensor_msgs/Image from its `step`, the length of a row
-# in bytes, or refuses one that is longer than the pixels.
-# Outcome: wrong. It takes the bytes one after the other, as if no row had filling. Many camera drivers fill rows up to
-# a multiple of 4 or more bytes: of 210 pixels in rgb8, 630 bytes, each row has two too many. So each row is moved by
-# two bytes more than the one above it, colours change places, and the last rows are missing. Nothing is raised, size
-# and type are right, and widths such as 640, which need no filling, are right.
+# Guess before running: message_to_cvimage() reads the rows of a sensor_msgs/Image by its `step`, the length of a row
+# in bytes, or refuses a row that is longer than its pixels.
+# Outcome: wrong. It reads the bytes one after the other, as if no row had padding. Many camera drivers pad rows to a
+# multiple of 4 or more bytes. A row of 210 pixels in rgb8 has 630 bytes, and thus two bytes of padding. Each row is
+# therefore shifted by two bytes more than the row above it, colours are swapped, and the last rows are missing. No
+# error is raised, size and type are right, and widths such as 640, which need no padding, are read correctly.
 #
-# Our reader of bags reads each row from its step.
+# Our reader of bags uses `step`.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

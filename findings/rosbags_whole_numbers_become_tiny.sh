@@ -1,14 +1,14 @@
 #!/bin/sh
-# rosbags 0.11.9 (numpy 2.4.6): whole numbers in a field of floats are written as numbers near zero.
+# rosbags 0.11.9 (numpy 2.4.6): integers in a field of floats are written as numbers near zero.
 #
-# Guess before running: serialize_cdr() converts the array of a field to the field's type, or refuses another type,
-# as it refuses a list.
-# Outcome: wrong. It takes the array's bytes as they are, if their number fits. Wheel angles of np.array([0, 1, 2]),
-# which NumPy makes whole numbers, are read back as 0, 5e-324 and 1e-323, so the wheels stand still. Ranges in
-# millimetres as int32 become 0 m, and floats with swapped bytes, as some files have them, become noise. Only items
-# of another size are refused. serialize_ros1() does the same with whole numbers.
+# Guess before running: serialize_cdr() converts the array of a field to the field's type, or refuses another type, as
+# it refuses a list.
+# Outcome: wrong. It writes the array's bytes unchanged, if their number fits. Wheel angles of np.array([0, 1, 2]),
+# which NumPy stores as integers, are read back as 0, 5e-324 and 1e-323, so the wheels stand still. Ranges in
+# millimetres as int32 become 0 m, and byte-swapped floats, as some files have them, become noise. Only items of
+# another size are refused. serialize_ros1() does the same with integers.
 #
-# Our program reads bags, and writes none.
+# Our program reads bags, but writes none.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,10 +1,11 @@
 #!/bin/sh
 # roslibpy 2.1.0: velocities that were published while the robot was out of reach are all sent when it is back.
 #
-# Guess before running: publish() without a connection raises, or drops the message; at most the last is kept.
-# Outcome: wrong. Each message is kept without a limit, and all are sent at once when the connection is back, the
-# first ones even before the topic is advertised again. publish() says nothing. A robot that was out of reach
-# for a minute then gets a minute of velocities, and drives on until the last of them times out.
+# Guess before running: publish() without a connection raises an error or drops the message; at most the last message
+# is kept.
+# Outcome: wrong. All messages are kept, without a limit, and are sent at once when the connection is back, the first
+# ones even before the topic is advertised again. publish() reports no error. A robot that was out of reach for a
+# minute then gets the velocities of a minute, and drives on until the last of them times out.
 #
 # Our bridge to ROS refuses a command while there is no connection.
 set -eu

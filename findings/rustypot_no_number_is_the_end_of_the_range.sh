@@ -1,14 +1,14 @@
 #!/bin/sh
 # rustypot 1.13.1 (PyPI): a goal that is not a number sends an STS3215 servo to the end of its range.
 #
-# Guess before running: write_goal_position() raises for NaN and for infinity, and raises or limits a goal beyond a
-# servo's turn, -pi to pi.
-# Outcome: wrong for each. NaN is sent as position 0 of 0 to 4095, which is -180 degrees, and infinity as 32767. A goal
-# of 4 rad is sent as 4655, and one of 100 rad as 32767. sync_write_goal_position() does the same, and nothing is
-# raised. So an inverse kinematics without a solution, or a policy that diverged, turns the joint as far as it goes,
-# unless the servo's own limits are set.
+# Guess before running: write_goal_position() raises an error for NaN and for infinity, and raises an error for or
+# limits a goal beyond a servo's range, -pi to pi.
+# Outcome: wrong for each. NaN is sent as position 0 of 0 to 4095, which is -180 degrees, and infinity as 32767. A
+# goal of 4 rad is sent as 4655, and one of 100 rad as 32767. sync_write_goal_position() does the same, and no error
+# is raised. An inverse kinematics without a solution, or a policy that diverged, therefore turns the joint as far as
+# it goes, unless the servo's own limits are set.
 #
-# The servo is a process of this script at the other end of a pseudo-terminal.
+# The servo is simulated by a process of this script at the other end of a pseudo-terminal.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,12 +1,13 @@
 #!/bin/sh
-# safetensors 0.8.0 (numpy 2.4.6): an array that is a view, such as a transposed picture, comes back with other values.
+# safetensors 0.8.0 (numpy 2.4.6): an array that is a view, such as a transposed picture, is read back with other
+# values.
 #
-# Guess before running: save() of safetensors.numpy writes the values that the array shows, or refuses a view, as
-# save() of safetensors.torch does ("non contiguous tensor").
-# Outcome: wrong. It writes the memory in its own order, under the shape of the view, and raises nothing. A picture
-# with the channels moved to the front comes back as stripes, and of every second column the first half come. Shape
-# and type are right, and a transposed array keeps its mean and its extremes, so a short check finds nothing.
-# numpy.ascontiguousarray before save() helps. Arrays with swapped bytes are saved rightly.
+# Guess before running: save() of safetensors.numpy writes the values of the array, or refuses a view, as save() of
+# safetensors.torch does ("non contiguous tensor").
+# Outcome: wrong. It writes the memory in its own order, under the shape of the view, and raises no error. A picture
+# whose channels were moved to the front is read back as stripes. Of an array of every second column, the first half
+# of the columns is read back. Shape and type are right, and a transposed array keeps its mean and its extremes, so a
+# short check finds no fault. numpy.ascontiguousarray before save() helps. Byte-swapped arrays are saved correctly.
 #
 # Our models are .npz files, which keep the order.
 set -eu

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # @serialport/parser-packet-length 13.0.0 (npm): after one byte of noise, no packet with a two-byte header is found.
 #
-# Guess before the run: PacketLengthParser skips bytes until it finds the delimiter, so a byte of noise before a packet,
-# or a byte that was lost, costs one packet, or two.
-# Outcome: right for a delimiter of one byte, wrong for one of two (delimiterBytes: 2), which servos and most sensors
-# use, such as 0xffff or 0xaa55. One byte that does not belong to a packet ends the search: while it looks for the
-# header, the parser keeps the oldest byte and drops the new one, so it never gets past it. Of 20 packets after a byte
-# of noise none is found, and of 20 of which the sixth lost a byte only those before, the damaged one included. No
-# error is raised, and no data are passed on. A robot that is switched on before the program has lost its position for
-# the whole session.
+# Guess before running: PacketLengthParser skips bytes until it finds the delimiter, so a byte of noise before a
+# packet, or a lost byte, costs one or two packets.
+# Outcome: right for a delimiter of one byte, wrong for a delimiter of two (delimiterBytes: 2), which servos and most
+# sensors use, such as 0xffff or 0xaa55. One byte that does not belong to a packet ends the search: while the parser
+# looks for the header, it keeps the oldest byte and drops the new one, so it never gets past the oldest. Of 20
+# packets after a byte of noise, none is found. If the sixth of 20 packets lost a byte, only the packets up to the
+# damaged one are found. No error is raised, and no data is passed on. If a robot is switched on before the program
+# starts, its position may be lost for the whole session.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,12 +1,12 @@
 #!/bin/sh
-# simple-pid 2.0.1 (PyPI): a controller that is told its own time step never acts again if the step
-# is shorter than 10 ms.
+# simple-pid 2.0.1 (PyPI): a controller that is given its time step never acts again if the step is shorter than 10
+# ms.
 #
-# Guess before running: `pid(value, dt=0.005)` computes with a step of 5 ms, because the caller, such as
-# a simulator, keeps the time.
-# Outcome: wrong. The step is compared with `sample_time`, which is 0.01 s unless it is set, and a shorter
-# step returns the last output. The steps are not summed up, so each later call returns the first output,
-# whatever is measured. Nothing is raised. With sample_time=None, or a step of 20 ms, it computes.
+# Guess before running: `pid(value, dt=0.005)` computes with a step of 5 ms, because the caller, such as a simulator,
+# controls the time.
+# Outcome: wrong. The step is compared with `sample_time`, which is 0.01 s by default, and a shorter step returns the
+# last output. The steps are not added up, so each later call returns the first output, whatever is measured. No error
+# is raised. With sample_time=None, or a step of 20 ms, the controller works.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

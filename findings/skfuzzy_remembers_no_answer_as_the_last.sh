@@ -1,12 +1,13 @@
 #!/bin/sh
-# scikit-fuzzy 0.5.0: an input that no rule covers has no output at first, and the second time the output of another.
+# scikit-fuzzy 0.5.0: an input that no rule covers has no output the first time, and the output of another input the
+# second time.
 #
-# Guess before running: compute() raises for a distance between "near" and "far", which no rule covers, or leaves no
-# speed in `output`, each time that this distance is measured.
-# Outcome: wrong. The first time `output` is empty, so output["speed"] raises KeyError. But the input is noted as
-# calculated, and the next compute() with it leaves `output` as it is: the speed of the input before. A robot whose
-# program stops at the KeyError, and goes on later, passes the same gap in its rules at full speed. Nothing is
-# raised or warned of. With cache=False the output is missing each time.
+# Guess before running: each time that a distance between "near" and "far" is measured, which no rule covers,
+# compute() raises an error, or leaves no speed in `output`.
+# Outcome: wrong. The first time `output` is empty, so output["speed"] raises KeyError. But the input is marked as
+# calculated, and the next compute() with it leaves `output` unchanged: the speed of the previous input. A robot whose
+# program stops at the KeyError, and continues later, passes the same gap in its rules at full speed. There is no
+# error or warning. With cache=False the output is missing each time.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -2,11 +2,11 @@
 # skl2onnx 1.20.0 (scikit-learn 1.9.1, onnxruntime 1.32.0): exported nearest neighbours ignore weights="distance".
 #
 # Guess before running: the exported KNeighborsRegressor and KNeighborsClassifier with weights="distance" predict what
-# scikit-learn predicts. An example that was learned gets its own target, although its distance is 0.
-# Outcome: wrong. Each of the k neighbours has the same weight, as with weights="uniform", and nothing is raised. In the
-# graph the distances are multiplied by -1 and then limited to at least 1e-6, so all weights are equal. A steering
-# learned as -0.8 is predicted as the mean with its neighbours. With weights="uniform" or a single neighbour the export
-# is right.
+# scikit-learn predicts. A learned example gets its own target, although its distance is 0.
+# Outcome: wrong. Each of the k neighbours has the same weight, as with weights="uniform", and no error is raised. In
+# the graph the distances are multiplied by -1 and then limited to at least 1e-6, so all weights are equal. For an
+# example with the steering -0.8, the prediction is the mean of this steering and its neighbours'. With
+# weights="uniform" or a single neighbour the export is right.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,13 +1,13 @@
 #!/bin/sh
-# scikit-learn 1.9.1: GaussianNB that learns its examples one by one always answers the first class if
-# one feature is constant.
+# scikit-learn 1.9.1: GaussianNB that learns its examples one by one always answers the first class if one feature is
+# constant.
 #
-# Guess before running: partial_fit with one example at a time gives the model that fit gives with all of
-# them, but for rounding, because means and variances can be updated exactly.
-# Outcome: wrong. The variances get a small addition, which is a share of the largest variance within the
-# last call's examples, and one example has none. A constant feature, such as a pixel that is always white,
-# then has a variance of 0: probabilities are NaN, and predict returns classes_[0] for each example, with
-# warnings only. fit, and the same examples in pairs, classify all of them rightly.
+# Guess before running: partial_fit with one example at a time gives the same model as fit with all examples, except
+# for rounding, because means and variances can be updated exactly.
+# Outcome: wrong. The variances get a small addition, which is a share of the largest variance within the last call's
+# examples, and a single example has no variance. A constant feature, such as a pixel that is always white, then has a
+# variance of 0. The probabilities are NaN, and predict returns classes_[0] for each example, with only warnings. fit,
+# and partial_fit with the same examples in pairs, classify all of them correctly.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,12 +1,12 @@
 #!/bin/sh
 # tensorstore 0.1.86 (PyPI): a row whose write nobody waits for is never written.
 #
-# Guess before running: write() starts a write in the background. The written data are in the file seconds later, or at
-# the end of the program at the latest, even if the program does not keep what write() returns.
+# Guess before running: write() starts a write in the background. The data are in the file some seconds later, or at
+# the latest when the program ends, even if the program does not keep the return value of write().
 # Outcome: wrong. Without a reference to the returned futures the write is dropped, although write() has copied the
-# data. After two seconds no row was on the disk, and the program that wrote them reads zeros as well. Nothing is raised
-# or logged. A recorder that must not wait for the disk has to keep the futures until they are done. An assignment,
-# drive[number] = row, waits for the disk and writes the row.
+# data. After two seconds no row was on the disk, and the program that wrote them reads zeros as well. Nothing is
+# raised or logged. A recorder that must not wait for the disk has to keep the futures until they are done. An
+# assignment, drive[number] = row, waits for the disk and writes the row.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

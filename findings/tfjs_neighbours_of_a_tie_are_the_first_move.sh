@@ -2,12 +2,12 @@
 # @tensorflow-models/knn-classifier 1.2.6 (npm, tfjs 4.22.0): with one example for each move, each picture gets the
 # first move.
 #
-# Guess before the run: a classifier that was shown one picture per move answers an identical picture with its move, as
-# the nearest neighbour has the most to say. The README's own example adds one example to each class.
-# Outcome: wrong. predictClass asks 3 neighbours if no number is given, or all if they are fewer, and gives each the
-# same vote. With two or three moves that is a tie, for which the first move that was taught wins, with a confidence of
-# 1/2 or 1/3: at a picture for "right" the robot goes left. With three examples of each move, or k = 1, all are right.
-# It compares directions, not lengths: a picture at a tenth of the light is identical.
+# Guess before running: a classifier that has learned one picture per move answers an identical picture with its move,
+# because the nearest neighbour counts most. The README's own example adds one example to each class.
+# Outcome: wrong. By default predictClass asks 3 neighbours, or all if there are fewer, and each has the same vote.
+# With two or three moves this is a tie, in which the move that was taught first wins, with a confidence of 1/2 or
+# 1/3: at a picture for "right" the robot goes left. With three examples of each move, or k = 1, all answers are
+# right. The classifier compares directions, not lengths: a picture with a tenth of the light is identical.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 cd "$folder"

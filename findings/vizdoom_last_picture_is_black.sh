@@ -1,13 +1,13 @@
 #!/bin/sh
 # vizdoom 1.3.2 (gymnasium 1.4.0): the last observation of each episode is black, and so is its rendering.
 #
-# Guess before running: the observation of the step that ends an episode is the picture of the end, as in
-# Gymnasium's own environments, or the last picture again.
+# Guess before running: the observation of the step that ends an episode shows the end, as in Gymnasium's own
+# environments, or repeats the last picture.
 # Outcome: wrong. The engine has no state after the end, so all parts of the observation are zeros: the screen, and
-# the game's variables, where 200 rounds of ammunition become none. render() is black, too, and `info` says nothing.
-# So a recording has a false last row, and a learner gets a black picture in each episode.
+# the game's variables, in which 200 rounds of ammunition become none. render() is black, too, and `info` does not
+# mention it. A recording therefore has a wrong last row, and a learner gets a black picture in each episode.
 #
-# Our robots of the kind `gymnasium` did show it; they now show the picture before a black end.
+# Our robots of the kind `gymnasium` used to show it; now they show the picture before a black end.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

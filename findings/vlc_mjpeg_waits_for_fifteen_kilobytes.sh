@@ -1,14 +1,13 @@
 #!/bin/sh
-# VLC 3.0.24 (Debian 12): the demuxer of MJPEG streams holds a picture back until 15 KiB have
-# arrived since the picture's beginning, though the part says its Content-Length and the next
-# boundary is there.
+# VLC 3.0.24 (Debian 12): the demuxer of MJPEG streams holds a picture back until 15 KiB have arrived since the
+# picture's beginning, even if the part has a Content-Length and the next boundary has arrived.
 #
-# Guess before running: pictures of a live stream are late by the cache of the network (1 s), and at
-# most by one picture more, since the end of a part is known when the next begins.
-# Outcome: wrong. Without the cache, none of ten pictures of 1 kB is passed on while the stream
-# pauses. The same pictures, with zeros behind each up to 15,348 bytes, are passed on at once.
+# Guess before running: pictures of a live stream are delayed by the network cache (1 s), and by at most one more
+# picture, because a part ends when the next begins.
+# Outcome: wrong. Without the cache, none of ten pictures of 1 kB is passed on while the stream pauses. The same
+# pictures, padded with zeros to 15,348 bytes each, are passed on immediately.
 #
-# The shared libraries of VLC must be there: apt-get install vlc-bin vlc-plugin-base
+# VLC needs its shared libraries: apt-get install vlc-bin vlc-plugin-base
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -2,10 +2,10 @@
 # webdataset 1.0.2 (pillow 13.0.0): the depth pictures that it writes are white when it reads them.
 #
 # Guess before running: TarWriter writes a uint16 array as a PNG of 16 bits, or refuses it, and decode() returns what
-# was written, at least with "pil", which asks for pillow's own picture.
-# Outcome: half wrong. The PNG in the tar is right: 16 bits, in millimetres. But each of the decoders for pictures turns
-# it into 8 bits first, where pillow clips all beyond 255 mm. So every picture of a room is 255, or 1.0 for decoders
-# of floats, without a warning. Under the ending .npy the same array comes back as it was.
+# was written, at least with "pil", which requests pillow's own picture.
+# Outcome: half wrong. The PNG in the tar is right: 16 bits, in millimetres. But each of the decoders for pictures
+# first converts it to 8 bits, and pillow clips everything beyond 255 mm. Every picture of a room is therefore 255, or
+# 1.0 with decoders of floats, without a warning. With the suffix .npy the array is read back unchanged.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,14 +1,15 @@
 #!/bin/sh
-# websockets 17.4: a client that only sends is thrown out by its own keep-alive once 17 messages wait unread.
+# websockets 17.4: the keep-alive of a client that only sends closes the connection once 17 messages wait unread.
 #
 # Guess before running: pings are answered in the background, so a robot that sends its state and never calls recv()
-# stays connected. Answers that nobody reads are dropped, or kept.
+# stays connected. Answers that nobody reads are dropped or kept.
 # Outcome: wrong. 16 unread messages do no harm. With the 17th the client stops reading, so it does not see the answer
-# to its own ping either, and it closes a line on which the server answers at once, with "1011 keepalive ping timeout"
-# (after 40 s by default). The error names the network, so the unread messages are not suspected. threading clients
-# are the same. A test in which the server says little passes.
+# to its own ping either. It then closes a connection on which the server answers immediately, with "1011 keepalive
+# ping timeout" (after 40 s by default). The error message suggests a fault of the network, so nobody suspects the
+# unread messages. Clients of `websockets.sync` behave in the same way. A test in which the server sends little
+# passes.
 #
-# Our clients read all the time, each in a loop of its own.
+# Our clients read all the time, each in its own loop.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

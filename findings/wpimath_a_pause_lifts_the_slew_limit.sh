@@ -1,12 +1,12 @@
 #!/bin/sh
-# robotpy-wpimath 2026.2.2 (WPILib): after a pause the slew-rate limiter lets the full speed through at once.
+# robotpy-wpimath 2026.2.2 (WPILib): after a pause the slew-rate limiter allows the full speed at once.
 #
 # Guess before running: a SlewRateLimiter of 1/s, whose last output was 0, gives at most a few hundredths at its next
-# call, as a robot is called 50 times a second, however long it stood in between.
-# Outcome: wrong. It allows the rate times the time since its last call. So a robot that stood for two seconds while its
-# program did something else goes from 0 to 1 in one call, which is what the limiter is there to prevent, and it does so
-# on the first call after it was made, too. In a loop that calls it all the time, as in a test, it is right. reset(0.0)
-# just before moving on begins the time anew.
+# call, because a robot calls it 50 times a second, however long the robot stood still in between.
+# Outcome: wrong. It allows the rate times the time since its last call. If a robot stood for two seconds while its
+# program did something else, it goes from 0 to 1 in one call, which the limiter is meant to prevent. The same happens
+# in the first call after the limiter was made. In a loop that calls it all the time, as in a test, it is right.
+# reset(0.0) immediately before driving off restarts the time.
 #
 # Our robots do not use WPILib.
 set -eu

@@ -1,11 +1,12 @@
 #!/bin/sh
 # zarr 3.1.6: rows that were cut off an array come back when the array grows again.
 #
-# Guess before running: resize() to fewer rows, and then to more, gives new rows of the fill value, as in HDF5.
-# Outcome: wrong. Only whole chunks are deleted. The rows that share a chunk with the last row kept stay in it, and
-# are shown again. So if the last rows of a recording are taken back, and its arrays are then enlarged for rows to come,
-# the rows taken back look as if they had been recorded; a label of -1, for "not taught", is the old label again.
-# How many come back depends on the chunks: of 10 rows in chunks of 4, cut to 5, three. append() writes over them.
+# Guess before running: resize() to fewer rows, and then to more, gives new rows with the fill value, as in HDF5.
+# Outcome: wrong. Only whole chunks are deleted. Rows that share a chunk with the last remaining row stay in it, and
+# reappear. If the last rows of a recording are deleted, and its arrays are then enlarged for new rows, the deleted
+# rows look as if they had been recorded: a label of -1, for "not taught", is the old label again. The number of rows
+# that come back depends on the chunks: of 10 rows in chunks of 4, cut to 5, three come back. append() overwrites
+# them.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,13 +1,13 @@
 #!/bin/sh
-# zarr 3.1.6: once metadata were consolidated, the second append() writes over the first.
+# zarr 3.1.6: once metadata have been consolidated, the second append() overwrites the first.
 #
-# Guess before running: arrays of a group that is opened for writing have the length that they were given last. So two
-# more drives that are appended to a recording, each by another run of a program, follow each other.
-# Outcome: wrong. open_group() takes the consolidated metadata if there are any, also with mode="a", and append() and
-# resize() do not renew them. The next run starts from the old length again: the third drive takes the second's place,
-# the fourth would take the third's, and readers see the first only. Setting an attribute through this group writes the
-# old length into the array's own metadata as well. Nothing is raised, and no warning speaks of a length. With
-# use_consolidated=False, each time, all is right.
+# Guess before running: when a group is opened for writing, its arrays have their current length. If two more drives
+# are appended to a recording, each by another run of a program, they follow each other.
+# Outcome: wrong. open_group() uses the consolidated metadata if there are any, even with mode="a", and append() and
+# resize() do not update them. The next run starts from the old length again: the third drive overwrites the second,
+# the fourth would overwrite the third, and readers see only the first. Setting an attribute through this group also
+# writes the old length into the array's own metadata. No error is raised, and no warning mentions a length. With
+# use_consolidated=False, each time, everything is right.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

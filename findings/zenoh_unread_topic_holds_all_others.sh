@@ -1,11 +1,11 @@
 #!/bin/sh
-# eclipse-zenoh 1.10.2 (PyPI): a subscriber that nobody reads holds up every other subscriber of the session.
+# eclipse-zenoh 1.10.2 (PyPI): a subscriber that nobody reads blocks every other subscriber of the session.
 #
-# Guess before running: a subscriber without a callback keeps or drops its own messages when it is full, and
-# a subscriber of another key goes on getting its messages at once.
-# Outcome: wrong. Such a subscriber has a FIFO of 256 messages by default. When pictures have filled it, orders
-# to stop, which have a callback, do not arrive either, until somebody reads a picture. Then they come all
-# at once, too late. The publisher sees nothing of it. With zenoh.handlers.RingChannel(1) all orders arrive.
+# Guess before running: a subscriber without a callback keeps or drops its own messages when it is full, and a
+# subscriber of another key still gets its messages immediately.
+# Outcome: wrong. Such a subscriber has a FIFO of 256 messages by default. When pictures have filled it, orders to
+# stop, which have a callback, do not arrive either, until somebody reads a picture. Then they all arrive at once, too
+# late. The publisher does not notice. With zenoh.handlers.RingChannel(1) all orders arrive.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

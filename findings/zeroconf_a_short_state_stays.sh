@@ -1,14 +1,14 @@
 #!/bin/sh
-# zeroconf 0.154.0: a robot that announces "driving" for half a second, and then "idle" again, is read as driving for 75
-# minutes.
+# zeroconf 0.154.0: if a robot announces "driving" for half a second, and then "idle" again, other programs read
+# "driving" for 75 minutes.
 #
-# Guess before running: update_service() with other properties replaces the old ones wherever they are known, so another
-# program reads the last state at the latest a second later (RFC 6762, 10.2).
-# Outcome: wrong. "driving" is kept beside "idle", because a record that is less than a second old is not replaced; that
-# is what the RFC says. But of the two, the one that came into the cache last is read, not the one that was heard last.
-# "idle" was there before, so the answer is "driving" until it expires. If the last state is a new one, such as
-# "stopped", or if more than a second lies between, the answer is right. A counter in the properties makes each state a
-# new one.
+# Guess before running: update_service() with other properties replaces the old ones everywhere, so another program
+# reads the last state after at most a second (RFC 6762, 10.2).
+# Outcome: wrong. "driving" is kept beside "idle", because a record that is less than a second old is not replaced,
+# which is what the RFC says. But of the two records, the one that entered the cache last is read, and not the one
+# that was received last. "idle" was in the cache before, so the answer is "driving" until it expires. If the last
+# state is a new one, such as "stopped", or if more than a second has passed, the answer is right. A counter in the
+# properties makes each state a new one.
 #
 # Our program announces no states, and withdraws its name before it announces another address.
 set -eu

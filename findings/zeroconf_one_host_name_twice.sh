@@ -1,13 +1,15 @@
 #!/usr/bin/env bash
-# zeroconf 0.154.0 (PyPI): two computers keep one host name, and a question for it returns the first answer.
+# zeroconf 0.154.0 (PyPI): two computers keep the same host name, and a query for it returns only the first answer.
 #
-# Guess before the run: `register_service` probes only the name of the service, so both keep the host name, although
-# RFC 6762 (8.1) requires each computer to probe it, too. Outcome: right; nothing is raised or renamed.
-# Second guess: `AddressResolver.request` waits as long as it was told, and then lists both addresses.
+# Guess before running: `register_service` probes only the name of the service, so both computers keep the host name,
+# although RFC 6762 (8.1) requires each computer to probe it, too.
+# Outcome: right; nothing is raised or renamed.
+# Second guess: `AddressResolver.request` waits for the whole given time, and then lists both addresses.
 # Outcome: wrong. It returns with the first answer after some milliseconds, and lists one address. The other address
 # arrives a little later, and is found only in the cache.
 #
-# So a computer that needs a host name for itself must ask again while it is serving, and must read the cache.
+# A computer that needs a host name for itself must therefore repeat the query while it is serving, and must read the
+# cache.
 set -euo pipefail
 
 folder=$(mktemp -d)

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# zeroconf 0.154.0 (PyPI): a machine without a network announces to nobody, and gets no error.
+# zeroconf 0.154.0 (PyPI): a machine without a network announces a service to nobody, and gets no error.
 #
-# Guess before the run: a program that passes on the computer's addresses calls `Zeroconf(interfaces=[])` if the Wi-Fi
-# is not up yet. This raises "No interfaces to listen on", as with `InterfaceChoice.All`.
-# Outcome: wrong. The Zeroconf has no socket to send on. `register_service` probes, announces and returns without an
-# error, but nobody finds the service, not even a second Zeroconf in the same process. An address that comes later
-# changes nothing, because interfaces are read only once.
+# Guess before running: a program that passes on the computer's addresses calls `Zeroconf(interfaces=[])` if the Wi-Fi
+# is not connected yet. This raises "No interfaces to listen on", as with `InterfaceChoice.All`.
+# Outcome: wrong. The Zeroconf has no socket on which it could send. `register_service` probes, announces and returns
+# without an error, but nobody finds the service, not even a second Zeroconf in the same process. An address that is
+# assigned later changes nothing, because interfaces are read only once.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"
