@@ -115,10 +115,10 @@ def _measure(
 
 FIGURE5 = Experiment(
     title="Figure 5: speed",
-    text="One cycle: take a picture, compute its features, decide and drive; while learning, also "
-    "learn an example. Every node is in use before the clock starts. In the simulator a cycle "
-    "also renders the picture and moves the world; a real robot (--robot) waits for its "
-    "camera, as in the paper. The runs are done one at a time, whatever --jobs says.",
+    text="In a cycle the robot takes a picture, computes its features, decides and drives; while "
+    "learning, it also learns an example. All nodes are in use before the measurement begins. In "
+    "the simulator a cycle also renders the picture and moves the world; a real robot (--robot) "
+    "waits for its camera, as in the paper. The runs are made one at a time for any --jobs.",
     plan=_plan,
     tables=_tables,
     drawn=_COLUMNS,

@@ -234,14 +234,14 @@ def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
 GATE = Experiment(
     title="Habits: every kind of pilot",
     text="Each robot is taught by one of twelve kinds of pilots in one of five places at 10, 15 or "
-    "30 frames a second. It is taught for 90 s, or in a third of the runs at 30 frames a "
-    "second for 30 s, and then drives 60 s unaided. Every fourth robot is then corrected for "
-    "60 s, and drives unaided again. For comparison the pilot drives three minutes from where "
-    "the robot began its minute; the robot learns nothing from them. stuck: within 15 cm for "
-    "20 s. SSD counts left and right as one move, because the side is often chosen by chance. "
-    "Beside it is the published sum, without moves that both make on less than 5 % of the "
-    "ticks. By chance: the range of 90 % of the differences of two medians if all robots are "
-    "drawn anew.",
+    "30 frames a second. It is taught for 90 s, or for 30 s in half of the runs at 30 frames a "
+    "second, and then drives for 60 s unaided. Every fourth robot is then corrected for 60 s, "
+    "and drives unaided again. For comparison the pilot drives for three minutes from where the "
+    "robot began its minute; the robot does not learn from them. A robot is stuck if it stays "
+    "within 15 cm for 20 s. SSD counts left and right as one move, because the side is often "
+    "chosen by chance. 'SSD with sides' is the published sum without moves that both make on "
+    "less than 5 % of the ticks. 'by chance' is the 90 % bootstrap interval of the difference "
+    "between the two medians.",
     plan=_plan,
     tables=_tables,
 )

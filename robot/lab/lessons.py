@@ -171,7 +171,7 @@ FIGURE7 = Experiment(
     "office, also RIGHT. The robot is compared with the profile of all that its teacher drove "
     "(the teaching and 4 more minutes, which do not affect the measured robot); 'against "
     "lesson' compares it only with the 90 s of teaching. The row 'teacher' compares the "
-    "teacher's own last minute: differences below it are chance.",
+    "teacher's own last minute with that profile; smaller differences are chance.",
     plan=lambda settings: seeded(run_lesson, _trials(settings), settings),
     tables=_tables_by_trial,
     drawn=("median", "mean"),

@@ -137,12 +137,11 @@ MIND = Experiment(
     text="A pilot who turns only left teaches for a minute. Then a pilot who turns only right "
     "teaches for half a minute, and again for half a minute. After each half minute the robot "
     "is asked, without learning, what it would do where the second pilot turns right. 'who is "
-    "told': the second pilot says first that he does it differently now. 'right': of the "
-    "views with less than 22 cm of free way, the share on which it would turn right. 'of "
-    "all': the same share of all views on which the pilot turns; towards the end of a turn, "
-    "one view may mean both sides. 'own turns': share of right turns among its turns in an "
-    "unaided minute afterwards. The rows 'never taught left' are the best that can be "
-    "reached.",
+    "told': the second pilot first declares the change of mind. 'right': the share of views "
+    "with less than 22 cm of free way on which the robot would turn right. 'of all': the same "
+    "share of all views on which the pilot turns; towards the end of a turn, one view may mean "
+    "both sides. 'own turns': the share of right turns among the robot's turns in an unaided "
+    "minute afterwards. The rows 'never taught left' are the best that a robot can reach.",
     plan=_plan,
     tables=_tables,
 )

@@ -72,12 +72,12 @@ _COLUMNS: Columns = {
 PROPORTIONAL = Experiment(
     title="Proportional steering",
     text="A pilot who steers proportionally teaches for 90 s and corrects for 60 s; then the robot "
-    "drives for 60 s unaided. 'cut to moves': this pilot's steering is cut to moves, as for a "
-    "body that is not steered proportionally. 'regular': a pilot of moves. SSD counts left and "
+    "drives for 60 s unaided. 'cut to moves': this pilot's steering is rounded to moves, as for "
+    "a body that accepts only moves. 'regular': a pilot who chooses moves. SSD counts left and "
     "right as one move. It is measured against what the pilot would have done in the robot's "
     "place at each tick, and against two minutes that the pilot drives from where the robot "
-    "began. The SSD of the pilot's own lesson is beside the latter, because a pilot who "
-    "drives in curves stays in one corner or another. Steering a second: root mean square of "
+    "began. For comparison with the second SSD, the table has that of the pilot's own lesson: a "
+    "pilot who drives in curves stays in one corner. Steering a second: root mean square of "
     "its changes; full lock is 1. In brackets: the 95 % interval of the mean over robots "
     "(bootstrap).",
     plan=_plan,

@@ -144,8 +144,8 @@ class Ends(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """Comes after the readable part of a damaged file; `reason` says why the rest cannot be read,
-    for the user.
+    """Stands for the unreadable rest of a damaged file. `reason` tells the user why the rest cannot
+    be read.
 
     `lost_bytes` is the number of bytes after the last complete record of a truncated file; None if
     the file is damaged in another way.

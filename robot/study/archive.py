@@ -23,7 +23,7 @@ _ABOUT = """\
 A study made with Drivelesson.
 
 plan.toml    the plan
-events/      one event log per session: the source of all the rest
+events/      one event log per session, from which the table is computed
 phases.csv   one row per participant and phase
 
 The table can be rebuilt from plan.toml and events/:

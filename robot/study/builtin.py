@@ -33,7 +33,7 @@ _PLAN = """\
 # Source of this protocol: FLAIRS-30 (2017), experiment with human teachers, trial {trial}.
 title = "Trial {trial}: {seconds} seconds of teaching"
 participants = {participants}
-design = "within"            # every participant has every condition; or "between": one each
+design = "within"            # every participant has all conditions; or "between": only one
 world = "{world}"                # the simulator's world, or your name for the real place
 moves = {moves}
 learner = {learner}
@@ -53,7 +53,7 @@ kind = "correct"             # the robot drives, the participant corrects it
 seconds = {correct}
 
 [[phase]]
-kind = "alone"               # the robot drives, hands off
+kind = "alone"               # the robot drives without help
 seconds = {alone}
 {conditions}
 # A question of your own; see the reference for choices and free text.

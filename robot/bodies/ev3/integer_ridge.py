@@ -153,7 +153,7 @@ class IntegerRidge(LinearPart):
         products = self._products.astype(np.float64)
         squares = products.diagonal()
         if squares.min() < 1 or (products**2 > 1.01 * np.outer(squares, squares) + 1).any():
-            yield "the array products does not hold sums of products"
+            yield "the array products does not contain sums of products"
         limits = _ONE * 64.0 * np.sqrt(squares * squares[-1])
         if (np.abs(self._residual) > limits).any():
             yield "the array residual does not match the sums"

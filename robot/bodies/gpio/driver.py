@@ -57,7 +57,7 @@ class GpioOptions(Options):
         used = [*motors[0], *motors[1], *bumper]
         if len(set(used)) != len(used):
             named = (f"{_flag(n)} {getattr(self, n) or 'none'}" for n in (*names, "bumper_pin"))
-            raise ConfigurationError(f"two of {', '.join(named)} use the same pin")
+            raise ConfigurationError(f"the same pin is used twice: {', '.join(named)}")
         return {
             "motor_board": self.motor_board,
             "motor_pins": motors,

@@ -58,7 +58,7 @@ class Baseline(Stateful, BaseLearner):
         self._n_fitted = 0
 
     def learn_one(self, x: Vector, y: Label) -> None:
-        """Learn one labelled vector. Raises ValueError for invalid input; nothing changes then."""
+        """Learn one labelled vector. Raises ValueError, and learns nothing, for invalid input."""
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label must be a string, not {y!r}")
         array = checked_vector(x, self._xs[0].size if self._xs else None)

@@ -33,7 +33,7 @@ LENIENT = TakeoverPolicy()
 
 
 class SimulatedPilot:
-    """Drives like a phone: sees frames, holds buttons, and sends a command for each frame."""
+    """Acts like a pilot with a phone: sees frames, holds buttons, and sends commands."""
 
     def __init__(
         self,
