@@ -116,7 +116,7 @@ def _find_tables(path: Path) -> list[Source] | None:
         is_table = path.suffix.lower() in ENDINGS and _is_no_other_text(path)
         return [Source(path.name, partial(read_table, path))] if is_table else None
     tables = [file for file in files_ending(path, *ENDINGS) if _is_no_other_text(file)]
-    # Drivelesson exported this folder: `frames.csv` has everything that the other tables have
+    # Drivelesson exported this folder: `frames.csv` contains all data of the other tables
     if path / TABLE in tables:
         tables = [path / TABLE]
     if len(tables) > 1 or (tables and (are_classes(path) or are_steered(path))):

@@ -32,7 +32,7 @@ def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tu
     """Return the 90 % bootstrap interval of the difference between two medians.
 
     Half of the sum of squared differences (SSD) of one minute of driving is due to chance. Even the
-    medians of two groups of sixty robots may differ by a fifth only by chance.
+    medians of two groups of sixty robots may differ by a fifth because of chance.
     """
     rng = np.random.default_rng(0)
     ours, theirs = (

@@ -27,8 +27,8 @@ class RecorderConfig:
     part_bytes: int = 64 * 2**20
     """Size at which a recording continues in another file, in bytes."""
     part_s: float = 600.0
-    """Time after which a recording continues in another file, in seconds. The limit bounds the
-    memory of the recorder, and the memory of a program that reads a file without an index."""
+    """Time after which a recording continues in another file, in seconds. It limits the memory of
+    the recorder, and of a program that reads a file without an index."""
     spare_bytes: int = 64 * 2**20
     """Recording stops if the disk has fewer free bytes than this number. These bytes are left for
     models and the system."""

@@ -240,8 +240,8 @@ def _offers(camera: dict[str, Any]) -> Iterator[Finding]:
             and "run the server on another computer, not on the brick, which cannot read MJPEG"
         ) or (
             "160x120" not in offers.get("YUYV", ())
-            and "expect a lower frame rate: the brick's USB bus carries ten pictures of 160x120 a "
-            "second"
+            and "expect a lower frame rate: the brick's USB bus can carry only ten pictures of "
+            "160x120 a second"
         )
         yield _judge("camera", f"{camera['device']}: {text}", note=advice)
 

@@ -219,7 +219,7 @@ class BrickLink:
             self._answered.set()
 
     def _measure_offset(self, sent_s: float) -> None:
-        """Estimate the offset of the clocks from the quickest message; the clocks may drift by 1
+        """Estimate the offset of the clocks from the fastest message. The clocks may drift by 1
         ms/s."""
         offset_s = self._received_s - sent_s
         if self._offset_s is None:
