@@ -13,8 +13,8 @@ _ONE_THREAD = (
     "OMP_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-"""Environment variables that limit numpy's libraries to one thread. Our matrix products are small,
-so helper threads would waste 43 % of a taught robot's CPU time on waiting."""
+"""Environment variables that limit numpy's libraries to one thread. Our matrix products are so
+small that with more threads, a trained robot would spend 43 % of its CPU time on waiting."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -28,14 +28,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     if getattr(robot, "PROJECT", None) != "drivelesson":
         print(
-            f"drivelesson: the package 'robot' in {robot.__path__[0]} is another project's, "
-            "usually Robot Framework's; install drivelesson in an environment of its own, for "
+            f"drivelesson: the package 'robot' in {robot.__path__[0]} belongs to another "
+            "project, usually Robot Framework; install drivelesson in a separate environment, for "
             "example with 'uv tool install' or 'pipx install'",
             file=sys.stderr,
         )
         return 2
     for stream in (sys.stdout, sys.stderr):
-        # By default a pipe on Windows can encode only few characters; replace the others.
+        # A pipe on Windows can encode only a few characters by default; replace the others.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:

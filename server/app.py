@@ -18,7 +18,7 @@ from server.routes.bodies import HANDLERS
 from server.services import Services
 
 ROUTERS = [module.router for module in (drive, video, teaching, settings)]
-"""The routers of the core; extensions add theirs as an `Extension`."""
+"""The routers of the core. An extension adds its own routers by `Extension.routers`."""
 _made: dict[tuple[int, ...], tuple[list[APIRouter], list[BaseRoute]]] = {}
 """Cache of routers and their routes, by the routers' ids; all applications share it."""
 
@@ -26,7 +26,7 @@ _made: dict[tuple[int, ...], tuple[list[APIRouter], list[BaseRoute]]] = {}
 def create_app(services: Services) -> FastAPI:
     """Make the application for one robot.
 
-    The caller starts and stops robot and persistence; the application starts the other services.
+    The caller starts and stops the robot and the persistence, and the application all other parts.
     Routes find all services through `services_of(request)`.
     """
     config = services.config
@@ -54,7 +54,7 @@ def create_app(services: Services) -> FastAPI:
                 started.push_async_callback(run_in_threadpool, extension.stop)
             yield
 
-    # NOTE: `lifespan` is set here, because FastAPI has such an argument only since 0.93.
+    # NOTE: `lifespan` is set here, because FastAPI takes it as an argument only since 0.93.
     app.router.lifespan_context = lifespan
     app.add_middleware(Guard, gateway=services.gateway)
     return app

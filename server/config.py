@@ -22,7 +22,7 @@ class Limits:
     frames_per_second: float = 150.0
     """Maximum acknowledgements per second of one client on `/ws/video`."""
     refused_before_closing: int = 500
-    """Number of refused messages after which a client is disconnected; late ones do not count."""
+    """Number of refused messages (late ones excepted) after which a client is disconnected."""
     body_bytes: int = 1_000_000
     """Maximum size of a request's body in bytes, unless the path has another limit."""
     upload_bytes: int = 64_000_000
@@ -39,7 +39,7 @@ class Config:
     port: int = 8000
     data: Path = field(default_factory=default_root)
     web: Path = field(default_factory=lambda: _find_web())
-    """The folder of the page's files: beside the package in a clone, inside it in a wheel."""
+    """The folder of the page's files; next to the package in a clone, inside it in a wheel."""
     jpeg_quality: int = 75
     limits: Limits = field(default_factory=Limits)
 

@@ -20,9 +20,9 @@ _NAMES = (
     " Rover Scout Tango Umi Vega Wren Yuki Ziggy"
 )
 NAMES = tuple(_NAMES.split())
-"""At its first start, a robot without a name from its owner gets one of these."""
+"""At its first start, a robot that was given no name gets one of these."""
 COLOURS = ("grey", "green", "purple", "pink", "brown", "teal")
-"""Colours of robots. Amber, blue and red are left out: on the page they mean pilot, robot, stop."""
+"""Colours of robots. The page uses amber, blue and red for the pilot, the robot and STOP."""
 LONGEST_NAME = 24
 
 
@@ -44,7 +44,7 @@ class Identity:
 
 
 class IdentityFile:
-    """Saves the identity of a robot in `robot.json`; without a folder, it is lost at the end."""
+    """Saves the identity of a robot in `robot.json`; without a folder, nothing is saved."""
 
     def __init__(self, folder: Path | None, name: str | None = None) -> None:
         self._path = folder / "robot.json" if folder is not None else None

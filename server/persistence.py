@@ -42,10 +42,10 @@ class PersistencePart(StartStop):
         """Resume saving, because the data folder is back."""
 
     def end_run(self) -> None:
-        """End the run: the robot's setup changes. Only the loop's thread may call it."""
+        """End the run, because the robot's setup changes. Only the loop's thread may call it."""
 
     def keep_run(self) -> None:
-        """Save the current run, even if nobody teaches in it."""
+        """Save the current run, even if nobody teaches during it."""
 
     def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
         """Add a result to the current run. Only the loop's thread may call it."""
@@ -169,7 +169,7 @@ class Persistence(StartStop):
             return
         self._is_gone = is_gone
         if is_gone:
-            why = f"{self.storage.root}: the data folder is gone; was its disk pulled out?"
+            why = f"{self.storage.root}: the data folder is gone; was its disk unplugged?"
             log.warning("nothing is saved: %s", why)
             self.announce("nothing_kept", detail=why)
         else:

@@ -1,4 +1,4 @@
-"""The messages between page and robot: bytes or text on the wire, dataclasses in Python. Pure.
+"""The messages between page and robot: bytes or text on the wire, dataclasses in Python. No I/O.
 
 docs/reference/protocol.md describes the messages. `web/js/protocol.js` is the page's counterpart of
 this module, and tests/vectors/ tests both.
@@ -67,9 +67,9 @@ def _checked(kind: type[Any], least: int, most: int, **default: Any) -> Any:
 class DriveMessage:
     """The move that the pilot holds, and the frame on the screen; also serves as a heartbeat.
 
-    `seq` grows with each message. `nonce` is the newest that the page has received. `frame_age_ms`
-    is the page's estimate of the frame's age, and `phone_ms` the part of it that the phone adds;
-    None if unknown. `steering` and `throttle` are set if the pilot steers proportionally.
+    `seq` grows with each message. `nonce` is the newest nonce that the page has received.
+    `frame_age_ms` is the page's estimate of the frame's age, which includes the phone's own delay
+    `phone_ms`. `steering` and `throttle` are set if the pilot steers proportionally.
     """
 
     held: Action | None
@@ -123,9 +123,9 @@ class BareMessage(StrEnum):
     YIELD = "yield"
     """Give the wheel away."""
     IDLE = "idle"
-    """Receive the state rarely, because this page shows no picture."""
+    """Request the state less often, because this page shows no picture."""
     WATCH = "watch"
-    """Asks for the state ten times a second, because this page now shows the picture again."""
+    """Request the state ten times a second again, because this page now shows the picture."""
 
 
 ClientMessage = DriveMessage | ModeMessage | ReleaseMessage | BareMessage | Ping
@@ -135,8 +135,8 @@ ClientMessage = DriveMessage | ModeMessage | ReleaseMessage | BareMessage | Ping
 class VideoFrame(Frame):
     """One message of `/ws/video` to a client.
 
-    A client does not acknowledge a `quiet` frame, but only a later one. The client's next command
-    contains `nonce` (0: none), which proves that the command is newer than the frame.
+    A client does not have to acknowledge a `quiet` frame. The client's next command contains
+    `nonce` (0: none), which proves that the command is newer than the frame.
     """
 
     quiet: bool = False
@@ -183,7 +183,7 @@ def parse_message(
 
 
 def is_stop(text: str) -> bool:
-    """True if a message is an emergency stop. Must be quick: called for every message."""
+    """True if a message is an emergency stop. Must be quick, as it runs for every message."""
     if len(text) > MAX_DRIVE_MESSAGE_BYTES or '"stop"' not in text:
         return False
     try:
@@ -238,7 +238,7 @@ def _read(numbers: list[_Check], message: dict[str, Any], seq: int | None) -> di
 def _check_point(numbers: dict[str, Any], may_be: bool, seq: int | None) -> None:
     for name, other in (("steering", "throttle"), ("throttle", "steering")):
         if name in numbers and not may_be:
-            raise _bad_field(name, "absent if no move is held or the robot has only buttons", seq)
+            raise _bad_field(name, "absent unless a move is held and the robot accepts points", seq)
         if name in numbers and other not in numbers:
             raise _bad_field(other, f"a number when {name} is given", seq)
 

@@ -100,7 +100,7 @@ class Extension(StartStop):
 
     @property
     def routers(self) -> Sequence[APIRouter]:
-        """Return the routes; they get the extension by `services_of(request).extension(Class)`."""
+        """Return the routes. `services_of(request).extension(Class)` gives a route the extension."""
         return ()
 
     def prepare(self) -> None:
@@ -121,7 +121,7 @@ class Extension(StartStop):
         """Stop the extension; may wait for the loop and the disk."""
 
     def note_carried(self) -> None:
-        """Called on the loop's thread when somebody has put the robot elsewhere."""
+        """Called on the loop's thread when somebody has moved the robot by hand."""
 
     def require_free_model(self) -> None:
         """Raise ConfigurationError while the model in use must not change."""

@@ -120,7 +120,7 @@ def create_board_app(
         finally:
             await board.close()
 
-    # NOTE: `lifespan` is set here, because FastAPI has such an argument only since 0.93.
+    # NOTE: `lifespan` is set here, because FastAPI takes it as an argument only since 0.93.
     app.router.lifespan_context = lifespan
     app.add_middleware(Guard, gateway=gateway)
     return app

@@ -63,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     name = words.pop(0) if words and not words[0].startswith("-") else FIRST
     if not _points():
         print(
-            f"drivelesson: not installed for {sys.executable}, which found only its files; "
+            f"drivelesson: not installed for {sys.executable}, which found only source files; "
             f"install it: {sys.executable} -m pip install drivelesson, or in a clone: make install",
             file=sys.stderr,
         )
@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if name not in _points():
         hint = f" (did you mean {FIRST!r}?)" if name in _DRIVE else did_you_mean(name, _points())
         print(
-            f"drivelesson: unknown command {name!r}{hint}; there are: {', '.join(commands())}",
+            f"drivelesson: unknown command {name!r}{hint}; commands: {', '.join(commands())}",
             file=sys.stderr,
         )
         return CHANGE_FIRST
@@ -83,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (RobotError, OSError) as error:
         print(f"drivelesson: {error}", file=sys.stderr)
         return status_of(error)
-    except KeyboardInterrupt as end:  # Ctrl-C, or SIGTERM, which names the exit status
+    except KeyboardInterrupt as end:  # Ctrl-C, or SIGTERM with an exit status
         return int(end.args[0]) if end.args else INTERRUPTED
 
 

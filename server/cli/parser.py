@@ -1,4 +1,4 @@
-"""The argument parser, which suggests corrections. Also converters of options, a progress bar."""
+"""An argument parser that suggests corrections; converters of options; a progress bar."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--config", type=Path, help="TOML file with settings")
     packages = (point.module.rpartition(".")[0] for point in points(EXTENSIONS))
     for package in filter(None, dict.fromkeys(packages)):  # the extensions are imported later
-        if find_spec(name := f"{package}.options"):  # a plugin's own module may have this name
+        if find_spec(name := f"{package}.options"):  # may be a module without `configure`
             getattr(importlib.import_module(name), "configure", lambda _: None)(parser)
     add("-v", "--verbose", action="store_true", help="log more")
 
@@ -107,7 +107,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
                 continue
             if option.name in ours:
                 text = f"the {title} {kind.name!r} declares {option.flag}, which is an option of "
-                raise PluginError(text + "drivelesson serve: its author must rename it")
+                raise PluginError(text + "drivelesson serve: the plugin must rename its option")
             declared.add(option.name)
             declare(group, option)
     apply_to(parser, settings)
@@ -131,7 +131,7 @@ def run(args: argparse.Namespace) -> int:
     gateway = gateway_type()(config, rig.clock)
     end_by_signals()
     with StartingPage([] if gateway.is_tls else listeners, rig.clock) as starting:
-        from server.app import create_app  # takes a second, with the starting page shown
+        from server.app import create_app  # takes a second, during which the starting page is shown
 
         kept, services = _make_services(args, rig, gateway)
 

@@ -29,7 +29,7 @@ _ENDS = {"kept_again": "nothing_kept", "battery_bears": "check_battery", "model_
 
 
 class Broadcast:
-    """Sends messages to the clients of one robot. `clients` has the connected clients by id.
+    """Sends messages to the clients of one robot. `clients` maps ids to connected clients.
 
     `lease` and `emergency` are only read here. `published_s` is the time of the newest state.
     """
@@ -111,7 +111,7 @@ class Broadcast:
         )
 
     def publish_new_pilot(self) -> None:
-        """Publish the state. Until the loop's next decision, this state says that nobody drives."""
+        """Publish the state. It says that nobody drives, until the loop has decided again."""
         self._previous_pilots = self._loop.state.decision
         self.publish_state()
 

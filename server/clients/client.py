@@ -43,8 +43,8 @@ class RefusalCounter:
 class Client:
     """One open `/ws/drive`: checks its message numbers, limits its rate, queues its messages.
 
-    Answers and events wait in a short queue. Of the states, only the newest waits, because each
-    state replaces the one before.
+    Answers and events wait in a short queue. Only the newest state waits, because each state
+    replaces the previous one.
     """
 
     def __init__(

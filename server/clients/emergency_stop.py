@@ -9,8 +9,8 @@ from server.gateway.roles import Role
 from server.protocol import ErrorCode, ProtocolError
 
 _RECENT_S = 2.0
-"""Time after a STOP in which a start must prove that it was sent after the STOP, in seconds. Older
-starts do not arrive later than that, because a page resends a start for only one second."""
+"""Time after a STOP in which a request to start must prove that it is newer, in seconds. Older
+requests do not arrive later than that, because a page repeats a request for only one second."""
 
 
 class EmergencyStop:
@@ -36,14 +36,14 @@ class EmergencyStop:
     def check_release(self, number: int, role: Role) -> None:
         """Raise ProtocolError if there is a newer STOP, or if this role may not release STOP."""
         if number != self.number:
-            sentence = "STOP was pressed again after this release; look, then release STOP again"
+            sentence = "STOP was pressed again; check the robot, then release STOP again"
             raise ProtocolError(ErrorCode.NEWER_STOP, sentence)
         if self.held_by is not None and role is not self.held_by:
             sentence = f"only the {self.held_by.value} may release STOP"
             raise ProtocolError(ErrorCode.STOP_HELD, sentence)
 
     def check_start(self, seq: int, proven_s: float, now_s: float) -> None:
-        """Raise ProtocolError for a start, sent after `proven_s`, that may be older than STOP."""
+        """Raise ProtocolError if a start that was sent after `proven_s` may be older than STOP."""
         if proven_s < self._pressed_s >= now_s - _RECENT_S:
-            sentence = "STOP was pressed after this choice; look, then choose the mode again"
+            sentence = "STOP was pressed later; check the robot, then choose the mode again"
             raise ProtocolError(ErrorCode.NEWER_STOP, sentence, seq)

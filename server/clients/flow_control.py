@@ -94,7 +94,7 @@ class VideoWindow:
             if earlier_id == frame_id:
                 break
         self.delay_s = now_s - sent.at_s
-        if self.size == 1 or sent.in_flight == 0:  # this frame was alone in flight
+        if self.size == 1 or sent.in_flight == 0:  # no other frame was in flight
             before_s = self._lone_delay_s if self._lone_delay_s is not None else self.delay_s
             self._lone_delay_s = min(self.delay_s, before_s + (self.delay_s - before_s) / 4)
         self._adapt(self.delay_s, now_s)
@@ -130,7 +130,7 @@ class VideoWindow:
 class PictureSize:
     """Decides whether a viewer gets larger pictures, because not all viewers can draw them in time.
 
-    If a viewer draws them late, the next attempt waits four times as long as the last.
+    If a viewer draws them late, the next attempt waits four times as long as the previous one.
     """
 
     _GOOD_S, _LATE_S = 0.06, 0.12

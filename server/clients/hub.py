@@ -113,7 +113,7 @@ class Hub:
         is_within = client.pace.allows(now_s) and not client.refusals.shut_out.is_set()
         try:
             if isinstance(text, bytes):
-                raise ProtocolError(ErrorCode.MALFORMED, "messages are text, not bytes")
+                raise ProtocolError(ErrorCode.MALFORMED, "a message must be text, not bytes")
             if not is_within and not protocol.is_stop(text):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many messages a second")
             message = protocol.parse_message(
@@ -241,7 +241,7 @@ class Hub:
             await self._clock.pause(pause_s)
             try:
                 self._note_time(due_s)
-            except Exception:  # if this timer ends, a silent pilot would keep the wheel for ever
+            except Exception:  # without the timer, a silent pilot would keep the wheel
                 self._loop.trip(StopReason.LOOP_FAULT)
                 log.exception("the timer stopped the robot")
 

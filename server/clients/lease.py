@@ -8,7 +8,7 @@ LAPSE_S = 1.5
 
 
 class Lease:
-    """The right to drive. At most one client, its owner, has the lease, and renews it by commands.
+    """The right to drive. At most one client owns the lease, and renews it with each command.
 
     A lease lapses if it is not renewed for `LAPSE_S`. The lease passes to a waiting client when the
     owner yields or the lease has lapsed. Until another client requests a lapsed lease, the owner

@@ -16,12 +16,12 @@ from robot.types import Prediction
 
 STATE_EVERY_S = 0.1
 SOON_S = 0.05
-"""Time between two states while the robot moves and its camera's period is longer, in seconds. If
-only the pictures of a slow camera had nonces, a Wi-Fi pause would look like an absent pilot."""
+"""Interval of the states in seconds, if the robot moves and its camera's period is longer. Without
+these states and their nonces, a short Wi-Fi pause would look like an absent pilot."""
 
 
 def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
-    """Return the fields of a `state` message; it has no frame while the robot rests."""
+    """Return the fields of a `state` message; `frame` is None while the robot rests."""
     decision, camera, sensors = state.decision, state.camera, state.sensors
     captured_s = None if state.is_resting else state.frame_captured_s
     source_s = state.source_age_s
@@ -78,7 +78,7 @@ def describe_devices(driver: Driver, camera: Camera) -> dict[str, str]:
     """Return the names of the body and the camera, if a search has found them."""
     found: dict[str, str] = {}
     for name, part in (("device", driver), ("camera_device", camera)):
-        with contextlib.suppress(Exception):  # a plugin may have made it a property
+        with contextlib.suppress(Exception):  # `device` may be a plugin's property, which may fail
             device = part.device
             found |= {name: device} if device and isinstance(device, str) else {}
     return found

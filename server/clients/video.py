@@ -18,14 +18,14 @@ from server.clients.flow_control import PictureSize, VideoWindow
 from server.protocol import encode_picture
 
 _REMEMBERED_FRAMES = 256
-"""Number of frames of which the capture time is remembered."""
+"""Number of frames whose capture time is remembered."""
 _FREQUENT_S = 0.06
-"""Interval of frames above which each frame requests an acknowledgement, in seconds. So the server
-soon notices if the pilot sees nothing."""
+"""If frames come at longer intervals than this (in seconds), each of them requests an
+acknowledgement, so that the server soon notices if the pilot sees nothing."""
 
 _SELDOM_S, _EARLY_SHARE = 0.25, 0.95
 """A robot that stands still may rest if every viewer's interval exceeds `_SELDOM_S` seconds.
-A frame may be early, after `_EARLY_SHARE` of the interval, because camera rates vary."""
+A frame may be sent after `_EARLY_SHARE` of the interval, because camera rates vary."""
 
 
 class Encoder:
@@ -121,7 +121,7 @@ class VideoHub:
 
     @property
     def needed_every_s(self) -> float:
-        """Interval of the pictures that viewers need, in seconds: 0 for all, inf if no viewers."""
+        """Interval of the pictures that viewers need, in s (0: every picture, inf: no viewers)."""
         if self._watchers:
             return 0.0
         every_s = min((viewer.every_s for viewer in self._viewers), default=math.inf)
@@ -140,7 +140,7 @@ class VideoHub:
             self.newest = None  # too old for the next viewer
 
     def show(self, frame: Frame, nonce: int = 0) -> None:
-        """Make `frame` the newest; send it with `nonce` to each viewer with room in the window."""
+        """Make `frame` the newest; send it with `nonce` to each viewer whose window has room."""
         self.newest, self._nonce = frame, nonce
         self._pictures, self._messages = {}, {}
         self.captured_s[frame.frame_id] = frame.captured_s
@@ -204,7 +204,7 @@ class VideoHub:
 
     @contextmanager
     def watched(self, watcher: Callable[[], None]) -> Iterator[None]:
-        """Count a viewer that reads `newest` by itself, for the time of a `with` block. `watcher`
+        """While the `with` block runs, count a viewer that reads `newest` by itself. `watcher`
         is called for each new frame, and must return quickly."""
         self._watchers.append(watcher)
         self._on_viewers()

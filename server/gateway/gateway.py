@@ -54,7 +54,7 @@ class Gateway:
     tls_files: tuple[str, str] | None = None
     """The files of the server's private key and TLS chain; None without https."""
     allows_addresses = False
-    """True if any IP address is accepted as Host: DNS rebinding attacks only work with names."""
+    """True if any IP address is accepted as Host. (DNS rebinding attacks work only with names.)"""
     origins: tuple[str, ...] = ()
     """Other origins of the robot's page, if a proxy serves the page."""
     not_admitted = Refusal(401, "session", "This browser is not admitted.")
@@ -127,7 +127,7 @@ class Gateway:
         return ""
 
     def explain(self, refusal: Refusal, scope: Scope, headers: dict[str, str]) -> Response:
-        """Return the answer to a refused request; it says why, and has these `headers`."""
+        """Return the answer to a refused request, with the reason and these `headers`."""
         told = {"error": refusal.reason, "detail": refusal.sentence}
         return JSONResponse(told, refusal.status, headers)
 
@@ -154,11 +154,11 @@ class Gateway:
         return None
 
     def peer(self, scope: Scope) -> tuple[str, int]:
-        """Return address and port at the other end of the connection: the client's or a proxy's."""
+        """Return the address and port of the connection's other end: the client or a proxy."""
         return tuple(scope.get("client") or ("", 0))
 
     def anonymous(self, address: str) -> Session:
-        """Return the session that counts the requests of a client that has none of its own."""
+        """Return the session under which a client without a session is counted."""
         return Session(Role.VIEWER, address)
 
     def check(self, path: str, method: str | None, role: Role) -> Refusal | None:

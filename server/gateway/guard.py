@@ -27,7 +27,7 @@ _PARTS = ("/js/", "/css/", "/icons/")
 _ROLE, _PERSON = "drivelesson.role", "drivelesson.person"
 _UPLOADS = re.compile(r"/api/[a-z]+/[^/]+/file")
 """Paths of uploads, whose bodies may be as large as a model's file."""
-_TOO_LARGE = Refusal(413, "size", "That is too large.")
+_TOO_LARGE = Refusal(413, "size", "The request is too large.")
 _TOO_MANY_S = 0.5
 VIDEO = "/video.mjpg"
 """Path of the video stream, which stays open like a websocket and is counted as one."""
@@ -161,7 +161,7 @@ class Guard:
 
         try:
             await self.app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
-        except ClientDisconnect:  # the body was too long, or the client disconnected before its end
+        except ClientDisconnect:  # the body was too long, or the client left before its end
             await self._answer(scope, receive, send, _TOO_LARGE)
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:

@@ -15,12 +15,11 @@ class Role:
         value: The role's name in messages and files.
         may_change: The client may change things, not only read and stop the robot.
         may_drive: The client may drive the robot; only one client drives at a time.
-        holds_stop: If the client stops the robot, only a client of this role can release it.
+        holds_stop: If the client stops the robot, only a client of this role can release STOP.
         paths: The only paths that the client may request besides public ones; None means all paths.
         start: The page to which the client is redirected from other paths.
         refusal: The sentence in the answer to a forbidden request.
-        purpose: What a browser with this role may do, as the words after "may"; empty if browsers
-            cannot get the role.
+        purpose: What this role may do, such as "drive"; empty if browsers cannot get the role.
     """
 
     value: str
@@ -52,7 +51,7 @@ class Refusal:
     location: str | None = None
     """Address to which the browser is redirected; None for no redirection."""
     open_at: tuple[str, ...] = ()
-    """Addresses of the page, for a client that used an unknown name."""
+    """Addresses of the page, for a client that used an unknown host name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,4 +62,4 @@ class Session:
     name: str
     """The session's name for a browser that has proved who it is, or else the client's address."""
     is_crowd: bool = False
-    """True if the name is only an address, behind which many people may be."""
+    """True if the name is only an address, which many people may share."""

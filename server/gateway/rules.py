@@ -17,13 +17,13 @@ from server.gateway.roles import Refusal, Role, Session
 
 
 def check_host(gateway: Gateway, headers: Mapping[str, str]) -> Refusal | None:
-    """Refuse a request whose Host is not the robot's name; it may be DNS rebinding."""
+    """Refuse a request whose Host is not a name of the robot; it may be DNS rebinding."""
     host = headers.get("host", "")
     name = host_name(host)
     if name in gateway.names or (gateway.allows_addresses and as_address(name) is not None):
         return None
     open_at = gateway.addresses()
-    where = f" Open it by its address: {open_at[0]}."
+    where = f" Open its page at {open_at[0]}."
     advice = gateway.advise(short(name), short(f"http://{host}"))
     sentence = f"This robot does not answer to {short(host)}.{where}{advice}"
     return Refusal(421, "host", sentence, open_at=tuple(open_at))

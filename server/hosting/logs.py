@@ -17,7 +17,7 @@ _MOST, _WINDOW_S = 5, 60.0
 _KINDS = 256
 """Number of kinds of lines that `RepeatFilter` remembers."""
 _END_S = 1.0
-"""How long the program waits at its end until the terminal has read the last lines, in seconds."""
+"""At exit, how long the program waits for the terminal to read the last lines, in seconds."""
 
 
 class OneLine(logging.Formatter):

@@ -1,4 +1,4 @@
-"""Configures uvicorn, in any of its versions, for low latency: without compression and delays."""
+"""Configures uvicorn (any version) for low latency, without compression or delays."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def open_socket(host: str, port: int) -> socket.socket:
             listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         listener.bind((host, port))
         listener.listen(_BACKLOG)
-    except (OSError, TypeError) as error:  # a TypeError means that the text cannot be a host's name
+    except (OSError, TypeError) as error:  # a TypeError: the text cannot be a host name
         listener.close()
         why = getattr(error, "strerror", None) or "there is no such host"
         is_taken = getattr(error, "errno", None) in (errno.EADDRINUSE, errno.EADDRNOTAVAIL)
@@ -62,8 +62,8 @@ def open_socket(host: str, port: int) -> socket.socket:
 
 def open_sockets(host: str, port: int) -> list[socket.socket]:
     """Listen on an address; for `::` (all addresses), on two sockets with the same port. The socket
-    for IPv4 gives IPv4 addresses in their usual form. On a machine without IPv4 or without IPv6,
-    the other socket suffices."""
+    for IPv4 reports clients' IPv4 addresses in their usual form. On a machine that lacks IPv4 or
+    IPv6, only the other socket is opened."""
     if host != "::":
         return [open_socket(host, port)]
     found: list[socket.socket] = []
@@ -85,7 +85,7 @@ def websocket_protocol() -> Any:
 
 
 def make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
-    """Return a server of uvicorn that uses the newest websocket backend of its version."""
+    """Return a uvicorn server that uses the newest websocket backend of its version."""
     import uvicorn
 
     config = uvicorn.Config(
@@ -132,15 +132,15 @@ def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
 
 
 def end_by_signals() -> None:
-    """Let SIGTERM and a closed terminal end the program like Ctrl-C. After its shutdown uvicorn
+    """Let SIGTERM and a closed terminal end the program like Ctrl-C. After its shutdown, uvicorn
     raises the signal again; the default handler would not stop the motors or save the model."""
 
-    def end(*_: object) -> None:  # no SystemExit, which would count as an error of a plugin
+    def end(*_: object) -> None:  # not SystemExit, which would count as a plugin's error
         raise KeyboardInterrupt(0)
 
     signal.signal(signal.SIGTERM, end)
     for name in {"SIGHUP", "SIGBREAK"} & set(dir(signal)):
-        if signal.getsignal(number := getattr(signal, name)) is signal.SIG_DFL:  # ignored by nohup
+        if signal.getsignal(number := getattr(signal, name)) is signal.SIG_DFL:  # nohup ignores it
             signal.signal(number, lambda *_: signal.raise_signal(signal.SIGTERM))
 
 
@@ -172,5 +172,5 @@ async def serve_until_told(server: Server, gateway: Gateway, *listeners: socket.
 
 
 def _is_not_cancellation(record: logging.LogRecord) -> bool:
-    kind = record.exc_info[0] if record.exc_info else None  # starlette's message is a traceback
+    kind = record.exc_info[0] if record.exc_info else None  # starlette logs a traceback as text
     return kind is not asyncio.CancelledError and not str(record.msg).endswith("CancelledError\n")

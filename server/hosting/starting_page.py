@@ -1,9 +1,9 @@
 """The page that a browser sees while the robot is still starting.
 
-Importing modules, opening a camera and reading a model take seconds on a small computer. Until all
-is ready, every request is answered immediately with status 503 and this page. The page reloads
-itself, and names the part that is still starting. Because clients are not authenticated yet, the
-page contains nothing about the robot, and only the beginning of a request is read.
+Importing modules, opening a camera and reading a model take seconds on a small computer. Until the
+robot is ready, every request is answered immediately with status 503 and this page. The page
+reloads itself, and names the part that is still starting. Because clients are not authenticated
+yet, the page contains nothing about the robot, and only the beginning of a request is read.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ class CompressedFiles(StaticFiles):
 
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder)
-        for suffix in (".js", ".mjs"):  # the registry of Windows may declare them as plain text
+        for suffix in (".js", ".mjs"):  # Windows' registry may declare them as plain text
             mimetypes.add_type("text/javascript", suffix)
         mimetypes.add_type("application/manifest+json", ".webmanifest")
 
@@ -44,9 +44,9 @@ class PageFiles(CompressedFiles):
         path = "index.html" if path == "." else path
         response = await super().get_response(path, scope)
         if path == "index.html":
-            # Without a referrer a form has no origin, so the server would refuse its STOP.
+            # Without a referrer, a form sends no origin, and the server would refuse its STOP.
             response.headers["referrer-policy"] = "same-origin"
-            # Send it with a 304, too: a browser replaces its cached headers by those of a 304.
+            # A 304 needs this header, too: its headers replace those in the browser's cache.
             html = (Path(self.directory or "") / "index.html").read_text("utf-8")
             response.headers["content-security-policy"] = content_policy(
                 scope["scheme"], Headers(scope=scope).get("host", ""), _hashes(html)
@@ -65,7 +65,7 @@ def _hashes(html: str) -> list[str]:
 
 
 def _compress(response: FileResponse, scope: Scope) -> Response:
-    """Return a text response, compressed if the client accepts that."""
+    """Compress a text response if the client accepts that; return other responses unchanged."""
     headers = response.headers
     if not headers.get("content-type", "").startswith(_TEXT):
         return response

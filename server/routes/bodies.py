@@ -16,7 +16,7 @@ from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, R
 from server.services import services_of
 
 do = run_in_threadpool
-"""Runs a function that waits for the disk. Another thread runs it, so the event loop goes on."""
+"""Runs a function on another thread, so that waiting for the disk does not block the event loop."""
 Short = Annotated[str, Field(max_length=200)]
 
 
@@ -36,7 +36,7 @@ NAMED = Named()
 
 
 async def refuse_values(request: Request, error: Exception) -> JSONResponse:
-    """Say which value is refused and what is allowed; status 400 for a body, 422 for an address."""
+    """Say which value is refused and what is allowed; status 400 for a body, 422 for a URL."""
     assert isinstance(error, RequestValidationError)
     first = error.errors()[0]
     place, *loc = first["loc"]

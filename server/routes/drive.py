@@ -33,7 +33,7 @@ class StopAnswer:
 
 @router.post(STOP_PATH)
 async def stop(request: Request) -> StopAnswer:
-    """Latch the emergency stop; for a page without a websocket. Every admitted client may."""
+    """Latch the emergency stop; for a page without a websocket. Every admitted client may do so."""
     return StopAnswer(services_of(request).hub.latch_emergency("http", role_of(request)))
 
 

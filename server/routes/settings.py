@@ -22,7 +22,7 @@ from server.services import persistence_of, services_of
 router = APIRouter(prefix="/api/settings", route_class=Route)
 Size = Literal[16, 32, 64, 128, 256]
 SIZES: tuple[int, ...] = get_args(Size)
-"""The numbers of learned images that the page offers."""
+"""The values of `max_nodes` that the page offers."""
 _TRIALS = 10
 
 
@@ -103,7 +103,7 @@ async def describe_settings(request: Request) -> SettingsAnswer:
 
 @router.put("")
 async def change_settings(request: Request, body: SettingsChange) -> ChangeAnswer:
-    """Change settings (409 while driving). New `max_nodes` or new `moves` start an empty model."""
+    """Change settings (409 while driving). New `max_nodes` or `moves` require a new, empty model."""
     services = services_of(request)
     loop = services.robot.loop
     given = {"name": body.name, "colour": body.colour}
@@ -129,15 +129,15 @@ async def change_settings(request: Request, body: SettingsChange) -> ChangeAnswe
 def _choose(moves: list[str], request: Request) -> tuple[Action, ...]:
     possible = services_of(request).robot.driver.moves
     if not set(moves) <= {move.value for move in possible}:
-        raise ConfigurationError(f"'moves' must be some of {', '.join(possible)}")
+        raise ConfigurationError(f"'moves' may contain only {', '.join(possible)}")
     if len(set(moves)) < 2:
-        raise ConfigurationError("a robot needs at least two moves to choose from")
+        raise ConfigurationError("'moves' must contain at least two moves")
     return tuple(move for move in possible if move.value in moves)
 
 
 @lru_cache(maxsize=8)
 def estimate_rates_hz(kind: str) -> dict[int, float]:
-    """Return the pictures a second that this machine can process, by number of images (`SIZES`).
+    """Return how many pictures a second this machine can process, for each of `SIZES`.
 
     Only two sizes are measured, because the time per picture grows linearly with the size.
     """

@@ -37,8 +37,8 @@ async def converse(
     """Serve a client until it disconnects, is silent for `idle_s`, or has too many refusals.
 
     `hear` gets each message as soon as it is decoded, even while the socket closes. So a STOP
-    counts even if its client is being disconnected. Only with an old uvicorn do messages wait in a
-    queue. Binary messages go to `see`, if given; the next message waits until `see` has ended.
+    counts even if its client is being disconnected. (With an old uvicorn,
+    messages wait in a queue.) If `see` is given, it gets the binary messages, one after the other.
     """
     heard_s = clock.now_s()
 
@@ -84,7 +84,7 @@ async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
 
 
 async def first_of(*works: Coroutine[Any, Any, object]) -> None:
-    """Run coroutines until one ends; cancel the others, and raise its error if there is one."""
+    """Run coroutines until one ends, and cancel the others. Raise the error of the one that ended."""
     tasks = [asyncio.create_task(work) for work in works]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

@@ -14,7 +14,7 @@ from server.routes.answers import Route, png_text
 from server.services import services_of
 
 router = APIRouter(prefix="/api/teaching", route_class=Route)
-_LAST = Query(5.0, gt=0, le=UNDO_HORIZON_S, description="a number above 0 up to 35")
+_LAST = Query(5.0, gt=0, le=UNDO_HORIZON_S, description="a number above 0, at most 35")
 _STRIP = 24
 """Maximum number of examples in an answer that shows what undo would remove."""
 

@@ -66,7 +66,7 @@ async def video(websocket: WebSocket) -> None:
 
 @router.get("/picture.jpg", include_in_schema=False)
 async def picture(request: Request) -> Response:
-    """Return the newest picture, for pages without a websocket; a robot at rest takes a new one."""
+    """Return the newest picture, for pages without a websocket; a resting robot takes a new one."""
     broadcast, shown = services_of(request).hub.broadcast, asyncio.Event()
     with broadcast.video.watched(shown.set):
         broadcast.show_newest()
@@ -75,6 +75,6 @@ async def picture(request: Request) -> Response:
                 await asyncio.wait_for(shown.wait(), 1.0)
         frame = broadcast.video.newest
     if frame is None:
-        raise HTTPException(503, "The camera has given no picture yet.")
+        raise HTTPException(503, "The camera has not taken a picture yet.")
     jpeg = broadcast.video.encoder.encode_jpeg(frame)
     return Response(jpeg, media_type="image/jpeg", headers={"cache-control": "no-store"})

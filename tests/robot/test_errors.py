@@ -223,4 +223,4 @@ def test_beside_robot_framework_importing_and_starting_end_in_a_sentence(tmp_pat
     (tmp_path / "robot/errors.py").write_text("")
     done = run("-m", "server")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "is another project's" in done.stderr and "pipx" in done.stderr
+    assert "belongs to another project" in done.stderr and "pipx" in done.stderr
