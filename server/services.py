@@ -100,7 +100,7 @@ class Extension(StartStop):
 
     @property
     def routers(self) -> Sequence[APIRouter]:
-        """Return the routes. `services_of(request).extension(Class)` gives a route the extension."""
+        """Return the routes; these get the extension by `services_of(request).extension(Class)`."""
         return ()
 
     def prepare(self) -> None:

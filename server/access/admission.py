@@ -4,10 +4,10 @@ Clients are counted per session, or per address if they have none. A connection 
 the guard has read a request that has a session. Pending connections have slots of their own and
 time out soon. So even if all other slots are taken, a new connection is accepted and read, because
 it may be a STOP. If the pending slots are full too, the new connection evicts an idle connection.
-If no such connection is idle, one that has sent nothing goes, or else one with an old request.
+If none of these is idle, it evicts one that has sent nothing, or else one with an old request.
 
 When no slot is free, the person with the most connections loses one: an idle connection, or the
-least recently used. So a person who opens too many connections evicts his own. A connection of the
+least recently used. So a person who opens too many connections loses their own. A connection of the
 owner, the pilot or the teacher is evicted only for a connection of one of these three. No answer is
 broken off to make room for another request. If all connections are busy, a new request is answered
 in its pending slot. Nothing here reads a clock: the time is an argument.
@@ -34,8 +34,8 @@ Peer = tuple[str, int]
 _READ_S = 0.25
 """Time within which the first request of a new connection is read, even under load, in seconds."""
 _ANSWER_S = 2.0
-"""Time for which a connection keeps its pending slot for an answer if no slot is free, in
-seconds."""
+"""How long a connection keeps its pending slot while its request is answered, in seconds, if no
+other slot is free."""
 _LOG_S = 60.0
 """Minimum time between log lines about one person who exceeds the rate limit, in seconds."""
 _SELDOM_S = 1.0
@@ -129,7 +129,7 @@ class ConnectionLimiter:
                 del self._of[place.person]
 
     def is_at_limit(self, session: Session) -> bool:
-        """True if a person's next connection can only evict one of his own."""
+        """True if a person's next connection can only evict another of that person's."""
         return not session.is_crowd and len(self._of.get(session.name, ())) >= self._each
 
     @property
@@ -150,8 +150,8 @@ class ConnectionLimiter:
         place.close()
 
     def _giving(self, newcomer: str, before_s: float) -> list[Slot]:
-        """Return the slots of the person who has most of them, among those who could lose a slot to
-        the newcomer."""
+        """Choose the person with the most slots among those who may lose one to the newcomer; return
+        that person's slots."""
         own = self._of.get(newcomer, [])
         yielding = [places for person, places in self._of.items() if not self._is_protected(person)]
         if self._is_protected(newcomer):
@@ -162,7 +162,7 @@ class ConnectionLimiter:
             if places is own and any(one.idle_s < math.inf for one in own):
                 return True
             # Take a slot only from a person who keeps at least as many slots as the newcomer will
-            # have. Otherwise the two persons would evict each other in turns.
+            # have. Otherwise the two persons would evict each other in turn.
             has_more = len(places) > len(own) + 1 or (places is own and len(own) == most)
             return (has_more or self._is_protected(newcomer)) and any(
                 one.gives_way(before_s) for one in places
@@ -194,7 +194,7 @@ class AdmissionControl:
         self.limits = limits
         self._is_protected, self._recognise = is_protected, recognise
         n_pending = min(limits.pending, max(1, capacity // 2))
-        # No pending connection has priority: the server knows its address, but no session.
+        # All pending connections have the same priority: the server knows only their addresses.
         self.pending = ConnectionLimiter(
             n_pending, limits.pending_per_address, lambda address: True
         )
@@ -210,8 +210,8 @@ class AdmissionControl:
 
     def has_room(self, now_s: float) -> bool:
         """False if a new connection would evict one that the server has not had time to read."""
-        # Count only a part of a long gap between two calls, because the busy computer read no
-        # requests in it.
+        # Count only a part of a long gap between two calls, because a busy computer reads no
+        # requests during the gap.
         self._read_until_s += min(now_s - self._asked_s, _READ_S / 8)
         self._asked_s = now_s
         if not self.pending.is_full:
@@ -315,7 +315,7 @@ class AdmissionControl:
     def expire(self, now_s: float) -> None:
         """Close pending connections that have timed out.
 
-        While the computer is blocked, the timeouts do not run, because the server cannot read.
+        Time in which the computer was blocked does not count, because the server could not read.
         """
         held_up_s = max(0.0, now_s - self._expired_s - _SELDOM_S)
         self._expired_s = now_s
@@ -327,7 +327,7 @@ class AdmissionControl:
     def may_ask(self, session: Session, now_s: float) -> bool:
         """Count a request; return False if the session sends too many per second.
 
-        Clients without a session count as one crowd, whose rate limit is `clients` times as high.
+        The rate limit of a crowd (`Session.is_crowd`) is `clients` times as high.
         """
         share = self.limits.clients if session.is_crowd else 1
         rate, burst = self.limits.requests_per_second, self.limits.requests_burst

@@ -90,13 +90,13 @@ class Announcement:
         )
 
     def _free_name(self, addresses: Sequence[str]) -> str:
-        """Return the wanted name, or the name with the next number if another machine has it."""
+        """Return the wanted name; if another machine has it, the name with the next free number."""
         first = self._config.hostname
         others = self.others_at(self.hostname, addresses)
         if not others:
             return self.hostname
         if first != DEFAULT_HOSTNAME:  # a name that the user chose is never changed
-            log.warning("%s.local is also %s: choose another --hostname", first, min(others))
+            log.warning("%s.local is taken by %s: choose another --hostname", first, min(others))
             return first
         for number in range(self._next, self._next + _MOST_NAMES):
             if not self.others_at(f"{first}-{number}", addresses):
@@ -117,8 +117,8 @@ class Announcement:
     def must_yield(self, addresses: Sequence[str]) -> bool:
         """True if another robot has this name too and this robot has to take a new name.
 
-        Of the robots with one name, the robot with the lowest address keeps it. A name that a
-        person chose is never changed.
+        Of several robots with the same name, the one with the lowest address keeps it. A name that
+        a person chose is never changed.
         """
         if self._responder is None or self._config.hostname != DEFAULT_HOSTNAME:
             return False
@@ -137,7 +137,7 @@ class Announcement:
         with contextlib.suppress(OSError):
             self._responder.send(question)  # the next call reads the answers
         before = [other for other in others if own and _lowest([other]) < _lowest(own)]
-        # robots that give way at the same time then choose different numbers
+        # so that robots that give way at the same time choose different numbers
         self._next = max(2, 1 + len(before))
         return bool(before)
 

@@ -16,7 +16,7 @@ def greet_phones(addresses: Sequence[str], tokens: Mapping[Role, str], more: Seq
     lines += [f"  or open   {pilot}"]
     lines += [f"  at one of {' '.join(addresses)}"] if len(addresses) > 1 else []
     lines += [f"  To watch: {pairing_address(addresses[0], tokens[Role.VIEWER])}", "", *more]
-    lines += ["Each address works once; then a new one is shown."]
+    lines += ["Each address can be used once; then a new one is shown."]
     return "\n".join(lines) + "\n"
 
 
@@ -28,5 +28,5 @@ def greet_next(address: str, role: Role, token: str) -> str:
 
 
 def pairing_address(address: str, token: str) -> str:
-    """Return the pairing address. The token is after the `#`, a part that browsers never send."""
+    """Return the pairing address. The token follows the `#`; browsers never send that part."""
     return f"{address}/pair#{token}"

@@ -49,11 +49,11 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 _NAME_S = 1.5
-"""Longest time for which the start of the server waits for a name on the network, in seconds."""
+"""How long the server's start waits for a name on the network, in seconds."""
 _BAD_KEY = Refusal(401, "key", "The key in this address is not valid. Maybe it was replaced.")
 _LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
 _WATCH_BY = (
-    "For a player, or an <img> of another site, run `drivelesson player-key` on the robot's "
+    "For a video player, or an <img> on another site, run `drivelesson player-key` on the robot's "
     "computer and use the address that it prints."
 )
 _COOKIES = re.compile(rb"\r\ncookie:([^\r]*)\r\n", re.I)
@@ -210,7 +210,7 @@ class NetworkGateway(Gateway):
             return
         log.warning("the robot is now at %s", " ".join(self.addresses()))
         if now.hostname != before.hostname:
-            print(f"{before.hostname}.local is another robot's: this one is {now.hostname}.local.")
+            print(f"Another robot is {before.hostname}.local, so this one is {now.hostname}.local.")
         if self.pairing is not None:
             print(f"The network has changed.\n{self.greet(self._more())}", flush=True)
             self._show(self.address_for(Role.PILOT))
@@ -258,7 +258,7 @@ class NetworkGateway(Gateway):
     def advise(self, name: str, address: str) -> str:
         """Return advice for a refused client: the robot may have another name, or a proxy may have
         forwarded the request."""
-        known = f" If this is its name, start it with --also-at {name}." if name else ""
+        known = f" If {name} is its name, start it with --also-at {name}." if name else ""
         proxy = f"start the robot with --behind-proxy {address}"
         return f"{known} If a proxy forwarded this request, {proxy}"
 

@@ -43,7 +43,7 @@ def is_for_others(address: str) -> bool:
 def own_addresses(version: int = 4) -> list[str]:
     """Return this machine's IPv4 or IPv6 addresses, the most likely to be reachable first.
 
-    An IPv4 network of a single address is a tunnel of a VPN, in which no phone is. Such an address
+    An IPv4 network of a single address is a VPN tunnel, in which there are no phones. Its address
     is last, even if the system uses it for the internet.
     """
     found: list[str] = []

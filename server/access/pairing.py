@@ -108,7 +108,7 @@ class Pairing:
 
     Attributes:
         is_in_use: Returns True if a browser of the session with the given name is connected now.
-        standing_code: A printed code that pairs any number of browsers as pilots; None if none.
+        standing_code: A printed code that pairs any number of browsers as pilots, or None.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class Pairing:
             sentence = "Too many wrong tokens. Wait a minute and try again."
             return Refusal(429, "pairing_rate", sentence)
         log.warning("pairing refused")
-        sentence = "That token is wrong or was used. The robot's terminal shows a valid one."
+        sentence = "That token is wrong or was used before. The robot's terminal shows a valid one."
         return Refusal(403, "pairing", sentence)
 
     def invite(self, now_s: float) -> tuple[str, float]:
@@ -274,7 +274,7 @@ def _load(file: Path) -> OrderedDict[str, _Kind]:
     except FileNotFoundError:
         pass
     except (OSError, *UNREADABLE) as error:
-        log.warning("pairing file unreadable, all must pair again file=%s error=%r", file, error)
+        log.warning("pairing file unreadable, pair browsers again file=%s error=%r", file, error)
         found.clear()
     return found
 

@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     with told_as(ConfigurationError, f"cannot write the player key in {args.data}"):
         if args.remove:
             key.remove()
-            print("There is no player key now. Players that watch are cut off within seconds.")
+            print("The player key was removed. Players lose the video within seconds.")
             return 0
         word = key.replace() if args.new or not key.read() else key.read()
     scheme = "https" if args.tls else "http"
@@ -40,5 +40,5 @@ def run(args: argparse.Namespace) -> int:
     for host in ["localhost", *filter(is_for_others, own_addresses())]:
         shown = f"[{host}]" if ":" in host else host
         print(f"  {scheme}://{shown}:{args.port}/video.mjpg?key={word}")
-    print("Other computers reach it only if the robot is served with --lan.")
+    print("Other computers can reach the robot only if it is served with --lan.")
     return 0

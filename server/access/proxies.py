@@ -58,8 +58,8 @@ class Proxies:
                 return scope
             sentence = (
                 f"{next(iter(said)).title()} shows that an unknown proxy forwarded this request. "
-                "Without pairing, everybody could drive through it: start the robot with "
-                "--behind-proxy and the address that people open."
+                "Without pairing, anybody could drive through that proxy: start the robot "
+                "with --behind-proxy and the address that people open."
             )
             return Refusal(403, "proxy", sentence)
         peer = tuple(scope.get("client") or ("", 0))
@@ -83,7 +83,7 @@ class Proxies:
         return own is not None and any(own in network for network in self._trusted)
 
     def _walk(self, peer: str, hops: list[_Hop]) -> _Hop:
-        """Follow the reports from proxy to proxy as far as the proxies are trusted.
+        """Follow the reports from proxy to proxy, as long as the proxies are trusted.
 
         The first untrusted address is the client's. A client's own reports may be forged.
         """
@@ -111,7 +111,7 @@ class Proxies:
 
 
 def _said(scope: Scope) -> dict[str, str]:
-    """Return the headers that proxies set; several lines with one name are joined by commas."""
+    """Return the headers that proxies set; lines with the same name are joined by commas."""
     said: dict[str, str] = {}
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")

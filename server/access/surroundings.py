@@ -54,7 +54,7 @@ class Surroundings:
         ask_names: Asks the resolver for this machine's names; may take long.
         claim: Announces the robot at the given addresses and returns the name that it got; None if
             the robot is not announced.
-        is_taken: Returns True if another robot has the same name and this one has to change it.
+        is_taken: Returns True if another robot has the same name, and this one needs a new name.
     """
 
     def __init__(

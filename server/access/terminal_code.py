@@ -1,7 +1,7 @@
 """Draws QR codes on a terminal so that a phone's camera can read them with every colour theme.
 
-Many readers need dark modules on a light ground. Characters without a colour have the theme's
-colours, so a code may come out inverted. So a terminal with colours gets the fixed black and white
+Many readers need dark modules on a light ground. Characters without a colour get the theme's
+colours, which may invert the code. A terminal with colours therefore gets the fixed black and white
 of the 256-colour palette, which themes do not change.
 """
 
@@ -24,12 +24,12 @@ _INVERSE = {pair: _BLOCKS[1 - pair[0], 1 - pair[1]] for pair in _BLOCKS}
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """The abilities of the terminal on which a code is printed.
+    """The capabilities of the terminal on which a code is printed.
 
     Attributes:
         columns: The width in characters; None if the text goes to a file or another program.
         has_colours: True if the terminal shows the 256 colours.
-        has_blocks: True if the terminal's encoding has half blocks.
+        has_blocks: True if the terminal's encoding has the half-block characters.
     """
 
     columns: int | None
@@ -38,7 +38,7 @@ class Terminal:
 
     @classmethod
     def of(cls, stream: TextIO, environment: Mapping[str, str], system: str) -> Terminal:
-        """Return the abilities of a stream; `system` is `sys.platform`."""
+        """Return the capabilities of a stream; `system` is `sys.platform`."""
         try:
             "▀▄█".encode(stream.encoding or "ascii")
             has_blocks = True

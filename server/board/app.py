@@ -227,7 +227,7 @@ def _add_routes(
 
     @app.websocket("/ws/board")
     async def follow(websocket: WebSocket) -> None:
-        """Serve an open page: send news and pictures, receive STOP, releases and choices."""
+        """Serve an open page: send news and pictures; receive STOP, releases and other requests."""
         await websocket.accept()
         onlooker = BoardViewer()
         board.join(onlooker)

@@ -45,8 +45,8 @@ class Board:
 
     Attributes:
         robots: The links to the robots of the class by number: to those that the teacher listed,
-            and to those that have proved that they know the key. No link is ever removed: the link
-            to the old address of a robot that has moved gets a higher number than the new one.
+            and to those that have proved that they know the key. Links are never
+            removed. If a robot has moved, the link to its old address has the higher number.
         strangers: The other robots that the network announces.
         code: The token on the printed cards, for phones that cannot scan.
     """
@@ -94,7 +94,7 @@ class Board:
         return robot
 
     def follow_own_address(self, look: Callable[[], str | None]) -> None:
-        """From now on, show phones the address that `look` returns for robots on this computer.
+        """From now on, give phones the address that `look` returns, for robots on this computer.
 
         `look` runs on a thread, every `OWN_ADDRESS_EVERY_S`.
         """

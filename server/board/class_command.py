@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     here = HERE if args.host in EVERYWHERE else args.host
 
     def make_model() -> tuple[str, bytes]:
-        print("Making the lesson of left turns ...", flush=True)
+        print("Making the model with left turns only ...", flush=True)
         return name_of_left_turns(locale_of_computer(os.environ)), left_turns(world)
 
     place: dict[str, Any] = {"host": args.host, "port": args.port, "data": args.data}
@@ -92,11 +92,11 @@ def split(text: str) -> tuple[int, str]:
         if not (":" in word or "." in word or Path(word).is_file()):
             raise ConfigurationError(
                 f"--robots {text}: {word!r} is neither a number of simulated robots, nor HOST:PORT "
-                "of a real one, nor a file of such lines"
+                "of a real one, nor a file with one HOST:PORT per line"
             )
     others = ",".join(listed)
     if count > MOST or not (count or others):
         raise ConfigurationError(
-            f"--robots {text}: a class has at least one robot, and at most {MOST} simulated ones"
+            f"--robots {text}: give at least one robot, and at most {MOST} simulated ones"
         )
     return count, others

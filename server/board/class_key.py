@@ -32,7 +32,7 @@ class ClassKey:
     def __post_init__(self) -> None:
         if len(self.secret) < SHORTEST or not self.secret.isascii():
             raise ConfigurationError(
-                f"a class key has at least {SHORTEST} letters and digits; `drivelesson board` "
+                f"a class key needs at least {SHORTEST} letters and digits; `drivelesson board` "
                 "makes a key if there is none"
             )
 
@@ -81,7 +81,7 @@ def read_class_key(file: Path) -> ClassKey:
 def keep_class_key(file: Path) -> ClassKey:
     """Read the key in a file. If there is no file, first create a file with a new key, which only
     the user can read. A full disk or a power cut may have left an empty file, which is replaced."""
-    with told_as(ConfigurationError, f"cannot write a class key {file}"), suppress(FileExistsError):
+    with told_as(ConfigurationError, f"cannot write class key {file}"), suppress(FileExistsError):
         file.parent.mkdir(parents=True, exist_ok=True)
         if file.is_file() and not file.stat().st_size:
             file.unlink()

@@ -109,7 +109,7 @@ class ClassModels:
             return {"order": order.value, "robots": [asdict(one) for one in done.outcomes]}
 
     async def undo(self) -> dict[str, Any]:
-        """Undo the last order. A further call undoes the order on robots that did not answer."""
+        """Undo the last order. A further call undoes it on robots that did not answer before."""
         async with self._lock:
             if not self._done:
                 raise NotFoundError("there is no order that can be undone")

@@ -18,7 +18,7 @@ _DID = {
     "reset": "starts over",
     "hand_over": "is ready for the next class",
     "empty": "has learned nothing yet, so there is nothing to keep",
-    "undone": "is as it was before",
+    "undone": "is as it was before the order",
     "away": "did not answer: {detail}",
     "failed": "could not do it: {detail}",
 }
@@ -72,11 +72,11 @@ def _ask(order: str, board: str) -> dict[str, Any]:
         if error.code == 404 and "undo" in detail:
             raise ConfigurationError("there is no order that can be undone") from None
         raise ConfigurationError(
-            f"{board} is not a board, or it refused (status {error.code}): name the board's port "
-            "with --port"
+            f"{board} is not a board, or refused the order (status {error.code}): give the board's "
+            "port with --port"
         ) from None
     except (URLError, OSError, ValueError, KeyError, TypeError):
         raise NotConnectedError(
             f"no board answers at {board}: start it with `drivelesson class` or `drivelesson "
-            "board`, or name its port with --port"
+            "board`, or give its port with --port"
         ) from None

@@ -152,13 +152,13 @@ def _load(file: Path | None) -> tuple[frozenset[str], str | None]:
     except FileNotFoundError:
         return frozenset(), None
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        log.warning("locks unreadable, all is locked file=%s error=%r", file, str(error))
+        log.warning("locks unreadable, everything is locked file=%s error=%r", file, str(error))
         return frozenset(LOCKS), ""
 
 
 def _board_serial() -> str:
-    """Return the serial number of a single-board computer, or an empty text. The number tells apart
-    robots whose SD cards are copies of one card."""
+    """Return the serial number of a single-board computer, or an empty text. The number
+    distinguishes robots whose SD cards are copies of one card."""
     with suppress(OSError):
         return read_regular(_SERIAL, 256).decode("ascii", "replace")
     return ""

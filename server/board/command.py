@@ -47,8 +47,8 @@ def run(args: argparse.Namespace) -> int:
     listed = [] if args.robots == _NETWORK else read_list(args.robots)
     listener = open_socket(BOARD_HOST, args.port)
     key = keep_class_key(args.class_key)
+    print(f"Copy the class key to each robot: {args.class_key.resolve()}", flush=True)
     print(f"Start each robot with: --lan --class-key {args.class_key.name}", flush=True)
-    print(f"and a copy of {args.class_key.resolve()}", flush=True)
     with listener:
         serve_board(key, listener, listed, 1 / args.pictures)
     return 0
@@ -103,7 +103,7 @@ def serve_board(
 
         page = f"http://{config.host}:{config.port}"
         print(f"The board is ready: open {page}", flush=True)
-        print(f"The robots' codes, to print: {page}/codes", flush=True)
+        print(f"To print the robots' codes, open {page}/codes", flush=True)
         opened = f"#{lesson}" if lesson else ""
-        print(f"The lessons, to project: {page}/lesson{opened}", flush=True)
+        print(f"To project the lessons, open {page}/lesson{opened}", flush=True)
         serve(create_board_app(config, board, clock, begin, lesson), [listener])

@@ -1,7 +1,7 @@
 """Finds robots, from a list or from their announcements on the network.
 
 Announcements can be forged, so the board takes only the port from an announcement and connects to
-the sender of the packet. So nobody can direct the board to a third computer.
+the sender of the packet. Therefore nobody can direct the board to a third computer.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _LONGEST = 9000
 _LOOK_EVERY_S = 2.0
 """Interval at which this computer's addresses are looked up, in seconds."""
 _ASK_EVERY_S = 60.0
-"""Longest time between two queries, in seconds; at first it is 1 s, and then doubles."""
+"""Longest time between two queries, in seconds. The time starts at 1 s and then doubles."""
 
 
 def read_list(text: str) -> list[RobotAddress]:
@@ -41,7 +41,7 @@ def read_list(text: str) -> list[RobotAddress]:
         words = [word.strip() for word in text.split(",")]
     found = [RobotAddress.parse(word) for word in words if word]
     if not found:
-        raise ConfigurationError(f"{text!r} names no robot; write HOST:PORT,HOST:PORT or a file")
+        raise ConfigurationError(f"{text!r} names no robot; give HOST:PORT,HOST:PORT or a file")
     return list(dict.fromkeys(found))
 
 
@@ -113,7 +113,7 @@ def _join(network: socket.socket, addresses: Sequence[str]) -> None:
     """Receive announcements on these addresses of this computer, too."""
     for address in addresses:
         member = socket.inet_aton(_GROUP) + socket.inet_aton(address)
-        with suppress(OSError):  # the address is gone, or its adapter has joined before
+        with suppress(OSError):  # the address is gone, or its adapter has already joined
             network.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
 
 

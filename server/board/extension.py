@@ -25,7 +25,7 @@ from server.services import Extension, Services, services_of
 
 router = APIRouter(prefix="/api/class", route_class=Route)
 _SIGNED_OUT = 10
-"""Number of times that signing out all phones can be undone."""
+"""Maximum number of sign-outs of all phones that can be undone."""
 
 
 def _require_teacher(request: Request) -> None:
@@ -50,7 +50,7 @@ class ClassJoin(ClassHello):
 
 
 class ClassLocks(RawValue):
-    """A request's body: the locks; each names changes that pupils may not make."""
+    """A request's body: the locks. Each lock forbids pupils some changes."""
 
     locks: list[Short] = must_be(f"a list of some of {', '.join(LOCKS)}")
 
@@ -65,7 +65,7 @@ async def hello(request: Request, body: ClassHello) -> dict[str, str]:
 
 @router.post("/join", responses={403: {}, 404: {}})
 async def join(request: Request, body: ClassJoin) -> dict[str, str]:
-    """End the handshake: open a session for the board."""
+    """Complete the handshake, and open a session for the board."""
     now_s = services_of(request).robot.clock.now_s()
     given = (body.board_nonce, body.nonce, body.proof)
     secret = _classroom(request).admit(*given, _own(request), now_s)
@@ -76,7 +76,7 @@ async def join(request: Request, body: ClassJoin) -> dict[str, str]:
 
 @router.get("", dependencies=[ONLY_TEACHER])
 async def describe_class(request: Request) -> dict[str, Any]:
-    """Return the robot's id, name, colour, locks and model, and the data that its pilots show."""
+    """Return the robot's id, name, colour, locks and model, and its data for the board."""
     services, classroom = services_of(request), _classroom(request)
     identity, persistence = services.identity.now, services.persistence
     return {
@@ -129,8 +129,7 @@ async def sign_out(request: Request) -> dict[str, Any]:
 
 @router.post("/phones", dependencies=[ONLY_TEACHER])
 async def sign_in(request: Request, body: Key) -> dict[str, Any]:
-    """Sign in again the phones that were signed out; the request's body contains the key that the
-    sign-out returned."""
+    """Sign phones in again. The request's body contains the key that their sign-out returned."""
     services = services_of(request)
     sessions = services.extension(ClassroomExtension).take_signed_out(body.undo)
     pairing = _pairing(services)
@@ -165,7 +164,7 @@ def _own(request: Request) -> str:
 class ClassroomExtension(Extension):
     """Makes a robot part of a class; `classroom` is None if the robot belongs to no class.
 
-    The option `class_key` names the key's file. A given `classroom` is used instead of that option.
+    `options` may have `class_key`, the file of the key; otherwise a ready `classroom` may be given.
     """
 
     routers = (router,)

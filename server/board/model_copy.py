@@ -19,13 +19,13 @@ async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[st
     The target robots must be stopped; they save their current models first.
 
     Returns:
-        One sentence for each robot that failed; it also says what did not change.
+        One sentence for each robot that failed, which also says what did not change.
     """
     try:
         name = name_in(await source.ask("POST", "/api/models/save", {}))
         data = (await source.ask("GET", f"/api/models/{quote(name, safe='')}/file")).body
     except RobotError as error:
-        return [f"{source.name} gave no model: {error}"]
+        return [f"{source.name} did not send its model: {error}"]
     faults = await asyncio.gather(*(_give(target, name, data) for target in targets))
     return [fault for fault in faults if fault is not None]
 
@@ -34,7 +34,7 @@ async def _give(target: RobotLink, name: str, data: bytes) -> str | None:
     so_far = "did not accept the model, and nothing was changed"
     try:
         kept = name_in(await target.ask("PUT", f"/api/models/{quote(name, safe='')}/file", data))
-        so_far = f"stored the model as {kept}, but keeps using its own"
+        so_far = f"stored the model as {kept}, but still uses its previous model"
         await target.ask("POST", f"/api/models/{quote(kept, safe='')}/load", {})
     except RobotError as error:
         return f"{target.name} {so_far}: {error}"

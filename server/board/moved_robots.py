@@ -1,11 +1,11 @@
 """Recognises a robot of the class that has come back under another address.
 
-The board never gives up an address: it stays connected to each, or tries to connect, and sends each
-STOP to all of them. A robot is recognised by its id. Several robots can have the same id, for
-example because the SD card of one is a copy of the other's. The board must not take two robots for
-one that has moved, because it would then not name a robot that a STOP did not reach. Therefore only
-a link without a connection can count as moved. And if two processes with the same id were alive at
-the same time, they are two robots, so no link with this id counts as moved any more.
+The board never gives up an address: it stays connected, or keeps trying to connect, and sends every
+STOP to a robot's old addresses, too. A robot is recognised by its id. Two robots can have the same
+id, for example if the SD card of one is a copy of the other's. If the board took them for one robot
+that has moved, it would not report that a STOP did not reach one of them. Therefore only a link
+without a connection can count as moved. If two processes with the same id were alive at the same
+time, there are two robots; after that, no link with this id counts as moved.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from server.board.teacher_session import Status
 
 @dataclass(slots=True)
 class _Life:
-    """When a robot's process was first and last heard, on the clock."""
+    """When a robot's process was first and last heard from, on the clock."""
 
     first_s: float
     last_s: float
@@ -45,7 +45,7 @@ class MovedRobots:
                 self._shared.add(robot.id)
 
     def successor(self, robots: Iterable[RobotLink], robot: RobotLink) -> RobotLink | None:
-        """Return the link on which a robot is now; None if this is `robot` itself."""
+        """Return the link to a robot's new address; None if the robot has not moved."""
         if robot.status is Status.THERE or robot.id is None or robot.id in self._shared:
             return None
         newest = max((one for one in robots if one.id == robot.id), key=_rank)

@@ -71,7 +71,7 @@ class Nursery:
     """Starts the nursery, which is the process that forks the robots, and sends requests to it.
 
     Attributes:
-        picture_s: CPU time in seconds that a taught robot of a class needs for one picture on this
+        picture_s: CPU time in seconds that a trained robot of a class needs for one picture on this
             computer; None if it could not be measured.
     """
 
@@ -287,7 +287,7 @@ def _run(world: str, life: int) -> None:
 
 
 def _say(**words: Any) -> None:
-    with contextlib.suppress(OSError):  # nobody reads any more
+    with contextlib.suppress(OSError):  # the reader has ended
         sys.stdout.write(json.dumps(words) + "\n")
         sys.stdout.flush()
 

@@ -1,4 +1,4 @@
-"""Makes the model of the lesson "left turns only", which was never taught a right turn.
+"""Makes the model "left turns only" for a lesson; this model was never taught a right turn.
 
 The model is taught in the simulator when a class needs it. The model therefore always fits the
 learner of this version, and no model file has to be shipped.
@@ -42,8 +42,8 @@ def name_of_left_turns(locale_name: str | None) -> str:
 
 @cache
 def left_turns(world: str = "box", seconds: float = 90.0) -> bytes:
-    """Return the bytes of a model. A program taught this model by driving rounds in a simulated
-    world, forward and to the left only."""
+    """Return the bytes of a model that a program has taught in a simulated world, by driving
+    rounds with left turns only."""
     from robot.policy.history import TrainingHistory
     from robot.policy.registry import make_policy
     from robot.simulator.camera import SimCamera, SimCameraOptions

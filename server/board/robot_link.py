@@ -90,7 +90,7 @@ class RobotLink:
         self.own_host: str | None = None
         """This computer's address for phones, in place of 127.0.0.1; None if it has none."""
         self.joined_s = self.heard_s = -math.inf
-        """When the last connection was opened, and when the robot was last heard, on the clock."""
+        """When the last connection was opened, and when the robot was last heard from."""
 
     @property
     def id(self) -> str | None:
@@ -267,7 +267,7 @@ class RobotLink:
     async def _invite(self) -> None:
         """Renew the QR code's token before it expires.
 
-        A failed request does not end the open connection, on which a STOP still arrives.
+        A failed request does not end the open connection, so a STOP can still be sent on it.
         """
         while True:
             pause_s = _INVITE_EVERY_S

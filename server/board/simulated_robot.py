@@ -53,8 +53,8 @@ _FLAGS = sum(  # `subprocess` has these flags only on Windows
 class SimulatedRobot:
     """One simulated robot.
 
-    The robot's number determines its name, colour and room. If a teacher has changed one of these,
-    the robot's folder has the new value.
+    The robot's number determines its name, colour and room. If a teacher has changed the
+    name or the colour, the robot's folder has the new value.
     """
 
     def __init__(self, number: int, port: int, folder: Path) -> None:
@@ -158,7 +158,7 @@ class SimulatedRobot:
     def _report(self) -> None:
         self._has_ended.wait()
         if not self._ending.is_set():
-            log.error("robot %d has ended: see %s", self.number, self.log)
+            log.error("robot %d has ended unexpectedly: see %s", self.number, self.log)
 
 
 def _serves(host: str, port: int) -> bool:
@@ -197,8 +197,8 @@ def simulated_robots(
         world: The simulated world.
         key: The file of the class key.
         make_model: Returns the name and the bytes of the model with which the robots begin.
-            `make_model` is called after all ports were found free. If `make_model` is None, the
-            robots keep their models.
+            It is called once all ports are known to be free. If it is None, the robots keep
+            their models.
     """
     robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
     for robot in robots:  # check that all ports are free before the first robot starts
@@ -223,8 +223,8 @@ def simulated_robots(
         rate_hz = max(1, min(RATE_HZ, int(cores / picture_s / max(1, count))))
         if rate_hz < RATE_HZ:
             text = (
-                "%d robots on %d cores: %d pictures a second each (a picture takes %.1f ms of a "
-                "core), and fewer while other programs are busy"
+                "%d robots on %d cores: each takes %d pictures a second (%.1f ms of CPU time per "
+                "picture), and fewer while other programs are busy"
             )
             log.warning(text, count, cores, rate_hz, 1000 * picture_s)
         for robot in robots:

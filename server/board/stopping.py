@@ -22,7 +22,7 @@ from server.board.transport import UnreachableError, within
 log = logging.getLogger(__name__)
 
 CONFIRM_S = 0.3
-"""Timeout of a stop's confirmation, in seconds; after it, the stop is sent another way."""
+"""How long to wait for a stop's confirmation, in seconds, before it is sent another way."""
 _STOP = json.dumps({"type": "stop"})
 
 
@@ -57,7 +57,7 @@ class RobotStop:
         self._number_before: int | None = None
         """The value of `number` when this stop was requested."""
         self._is_shown = False
-        """True once a state of the robot has shown this stop; the states before were older."""
+        """True once a state of the robot has shown this stop; earlier states are older."""
         self._confirmed: int | None = None
         """The robot's number for this stop, from the answer that confirmed it; None until then. A
         state with at least this number is newer than the stop."""
@@ -129,10 +129,9 @@ class RobotStop:
             self.stage, self._is_shown = Stopping.STOPPED, True
 
     async def send_again(self, channel: Any) -> None:
-        """Call this when the robot is connected again: a stop that was not released is sent
-        again."""
+        """Call this when the robot is connected again; sends a stop that was not released."""
         self._is_shown = False
-        # forget the number, because a robot that has restarted counts from the start
+        # forget the number, because a robot that has restarted begins with another one
         self.number = self._confirmed = None
         if self.stage is not None:
             await self.send(channel)

@@ -72,7 +72,7 @@ class TeacherSession:
         """Open a session with the robot. Before this, board and robot prove to each other that they
         have the same class key.
 
-        If an earlier session was only doubted, a STOP still uses it until this one is open.
+        If an earlier session is only in doubt, a STOP still uses it until the new one is open.
 
         Raises:
             WrongClassError: If board and robot are of different classes.
@@ -158,4 +158,4 @@ class TeacherSession:
 
 
 def _sentence(answer: HttpAnswer) -> str:
-    return str(answer.json().get("detail") or f"it answered {answer.status}")[:_LONGEST]
+    return str(answer.json().get("detail") or f"the robot answered {answer.status}")[:_LONGEST]

@@ -1,8 +1,8 @@
 """Robots that were announced and have not proved that they are of the class.
 
 Each robot is asked for its proof. Robots that fail are shown separately, and forgotten when they
-are no longer announced. The computers that announce robots take turns, so that one with a thousand
-robots does not delay the others.
+are no longer announced. The computers that announce robots take turns, so that a
+computer that announces a thousand robots does not delay the others.
 """
 
 from __future__ import annotations

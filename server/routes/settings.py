@@ -103,7 +103,7 @@ async def describe_settings(request: Request) -> SettingsAnswer:
 
 @router.put("")
 async def change_settings(request: Request, body: SettingsChange) -> ChangeAnswer:
-    """Change settings (409 while driving). New `max_nodes` or `moves` require a new, empty model."""
+    """Change settings (409 while driving). New `max_nodes` or `moves` need a new, empty model."""
     services = services_of(request)
     loop = services.robot.loop
     given = {"name": body.name, "colour": body.colour}

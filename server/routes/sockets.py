@@ -84,7 +84,7 @@ async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
 
 
 async def first_of(*works: Coroutine[Any, Any, object]) -> None:
-    """Run coroutines until one ends, and cancel the others. Raise the error of the one that ended."""
+    """Run coroutines until one ends, and cancel the others. Raise the error of the ended one."""
     tasks = [asyncio.create_task(work) for work in works]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

@@ -211,7 +211,7 @@ def test_a_failed_copy_is_named_and_the_other_robots_get_the_model(step, fault):
     [said] = asyncio.run(copy_model(one, [two, three]))
     assert 2 not in robots.loaded
     if step in ("save", "get"):
-        assert "R1 gave no model" in said and not robots.kept
+        assert "R1 did not send its model" in said and not robots.kept
     else:
         assert robots.loaded == {3: f"/api/models/{quote('Küche 2')}/load"}
         assert robots.kept[3] == b"the model"
