@@ -150,8 +150,8 @@ class ConnectionLimiter:
         place.close()
 
     def _giving(self, newcomer: str, before_s: float) -> list[Slot]:
-        """Choose the person with the most slots among those who may lose one to the newcomer; return
-        that person's slots."""
+        """Choose the person with the most slots among those who may lose one to the newcomer, and
+        return that person's slots."""
         own = self._of.get(newcomer, [])
         yielding = [places for person, places in self._of.items() if not self._is_protected(person)]
         if self._is_protected(newcomer):

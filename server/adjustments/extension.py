@@ -1,4 +1,4 @@
-"""`/api/corrections`: corrections for a body or camera that is built differently.
+"""`/api/corrections`: corrections for a body or camera that differs from the driver's default.
 
 See docs/reference/http.md.
 """

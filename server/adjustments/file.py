@@ -53,7 +53,7 @@ class CorrectionsFile:
         """Apply the saved and the given corrections to the running robot; save the given ones.
 
         Raises:
-            ConfigurationError: If body and camera do not support a given correction.
+            ConfigurationError: If neither body nor camera supports a given correction.
         """
         names = {*self.possible, *self._given}
         wanted = {n: value for n, value in self._wanted.described().items() if n in names}

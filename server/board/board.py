@@ -45,8 +45,8 @@ class Board:
 
     Attributes:
         robots: The links to the robots of the class by number: to those that the teacher listed,
-            and to those that have proved that they know the key. Links are never
-            removed. If a robot has moved, the link to its old address has the higher number.
+            and to those that have proved that they know the key. Links are never removed. If a
+            robot has moved, the link to its old address has the higher number.
         strangers: The other robots that the network announces.
         code: The token on the printed cards, for phones that cannot scan.
     """

@@ -27,7 +27,7 @@ class BatteryExtension(Extension):
             return
         ends = EarlyEnds(kept.storage.root / FILE, lambda: announce("battery_bears"))
         if ends.is_weak:
-            log.warning("the program ended %d times as drives began: check the battery", ends.count)
+            log.warning("the program ended %d times as a drive began: check battery", ends.count)
             announce("check_battery", detail=str(ends.count))
         self._ends = ends
         ends.start(self._services.robot.loop)

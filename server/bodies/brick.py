@@ -137,7 +137,7 @@ def _pack(args: argparse.Namespace) -> int:
     file = Path(args.address)
     installer.pack(file, _build(args, with_userland=True))
     print(
-        f"packed {file} ({file.stat().st_size / 1e6:.0f} MB); install it, now or in years, with\n"
+        f"packed {file} ({file.stat().st_size / 1e6:.0f} MB); install it, now or later, with\n"
         f"  drivelesson brick install root@ADDRESS --from {quoted(str(file))}\n"
         "or without Drivelesson:\n"
         f'  ssh root@ADDRESS "$(tar -xOf {file} install)" <{file}'
@@ -167,7 +167,7 @@ def _make_userland(folder: Path, args: argparse.Namespace) -> bool:
     """Build the brick's Debian unless it exists; return True if its Python files are compiled."""
     stamp, wanted = folder.with_name(folder.name + ".packages"), userland_stamp(args.release)
     if not (stamp.is_file() and stamp.read_text() == wanted):
-        print("building the brick's Debian, which takes a minute ...", flush=True)
+        print("building Debian for the brick, which takes a minute ...", flush=True)
         shutil.rmtree(folder, ignore_errors=True)
         build_userland(folder, args.release, args.mirror)
         stamp.write_text(wanted)
@@ -193,7 +193,7 @@ def _examine(args: argparse.Namespace) -> int:
 
 def examine_at(address: str, secret: str, may_turn_wheels: Callable[[], bool]) -> int:
     """Examine the brick at an address and print the report; return 1 if something is wrong."""
-    print(f"examining the brick at {address.partition(':')[0]}, about half a minute ...\n")
+    print(f"examining the brick at {address.partition(':')[0]}, for about half a minute ...\n")
     findings = examine(measure(BrickLink(address, secret), may_turn_wheels))
     print(write_report(findings))
     return int(any(finding.level is Level.WRONG for finding in findings))

@@ -80,15 +80,15 @@ def _measure_straight(driver: ChassisDriver, seconds: float) -> float:
     """Drive straight on; return the ratio of the wheels' real size to the configured size."""
     room_cm = 100 * driver.options.forward_speed_mps * seconds
     _prompt(
-        f"\nThe robot will drive straight on for about {room_cm:.0f} cm. Mark its place, and press "
-        "Enter."
+        f"\nThe robot will drive straight on for about {room_cm:.0f} cm. Mark its position, "
+        "then press Enter."
     )
     before_m = driver.sense().distance_m
     wheels_cm = 50 * sum(driver.roll(Action.FORWARD, seconds))
     after_m = driver.sense().distance_m
     seen = before_m - after_m if before_m is not None and after_m is not None else None
-    by_sonar = f"; by the ultrasonic sensor: {100 * seen:.1f}" if seen else ""
-    measured_cm = ask(f"How far did it go, in cm? (by the wheels: {wheels_cm:.1f}{by_sonar}) ")
+    by_sonar = f"; the ultrasonic sensor says: {100 * seen:.1f}" if seen else ""
+    measured_cm = ask(f"How far did it go, in cm? (the wheels say: {wheels_cm:.1f}{by_sonar}) ")
     factor = correction(measured_cm, wheels_cm, "cm")
     print(f"Straight speed before this calibration: {measured_cm / seconds:.1f} cm/s.")
     return factor
@@ -101,12 +101,12 @@ def _measure_turn(driver: ChassisDriver, seconds: float, wider: float) -> float:
     """
     angle_deg = driver.options.turn_rate_deg_s * seconds
     _prompt(
-        f"\nThe robot will turn left by about {angle_deg:.0f} degrees. Mark where it looks, and "
-        "press Enter."
+        f"\nThe robot will turn left by about {angle_deg:.0f} degrees. Mark its direction, "
+        "then press Enter."
     )
     left_m, right_m = driver.roll(Action.LEFT, seconds)
     wheels_deg = math.degrees(wider * (right_m - left_m) / driver.options.track_m)
-    measured_deg = ask(f"How far did it turn, in degrees? (by the wheels: {wheels_deg:.0f}) ")
+    measured_deg = ask(f"How far did it turn, in degrees? (the wheels say: {wheels_deg:.0f}) ")
     factor = correction(measured_deg, wheels_deg, "degrees")
     print(f"Turning rate before this calibration: {measured_deg / seconds:.1f} degrees/s.")
     return factor
@@ -120,12 +120,12 @@ def correction(measured: float, expected: float, unit: str) -> float:
     """
     if expected <= 0:
         raise ConfigurationError(
-            f"the wheels counted {expected:.3g} {unit}: check --left-port, --right-port and "
+            f"the wheels measured {expected:.3g} {unit}: check --left-port, --right-port and "
             "--reversed-motors"
         )
     if not 1 / LARGEST_CORRECTION < measured / expected < LARGEST_CORRECTION:
         raise ConfigurationError(
-            f"{measured:.3g} {unit} do not match the wheels, which counted {expected:.3g}; "
+            f"{measured:.3g} {unit} do not match the wheels, which measured {expected:.3g}; "
             "measure again"
         )
     return measured / expected
@@ -171,8 +171,7 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
         wanted, made = {**parse_settings(text), **values}, None
         with contextlib.suppress(TOMLDecodeError):
             made = parse_settings(head + rest)
-        # The two tables differ if, for example, a line in the middle looks like the head of a
-        # table.
+        # These differ if, for example, a line of a multi-line string looks like a table's header.
         if made != wanted:
             lines = "; ".join(f"{name} = {value}" for name, value in values.items())
             raise ValueError(

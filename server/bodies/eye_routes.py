@@ -29,11 +29,11 @@ EYE = Role(
         r"/eye(/(messages/)?[a-z-]+\.(js|css))?|/ws/eye|/api/unpair|/(js|css|icons)/.*"
     ),
     start="/eye",
-    refusal="This phone is the robot's eye; it may see and stop, not drive.",
+    refusal="This phone is the robot's eye; it may watch and stop, but not drive.",
     purpose="be the robot's eye",
 )
 """Role of the phone on the robot. The role allows only the requests of the eye page, because nobody
-watches a phone on a robot."""
+guards a phone on a robot."""
 STATE_EVERY_S = 0.2
 _STATE_FIELDS = ("mode", "driven_by", "action", "stop_reason", "emergency", "fault", "frame_age_ms")
 
@@ -162,6 +162,6 @@ class EyeExtension(Extension):
             return []
         address = self._gateway.address_for(EYE)
         if self._gateway.admits_all:
-            return [f"The robot's eye: open {address}"]
-        lines = ["The phone on the robot, its eye, scans this:", "", *self._gateway.draw(address)]
-        return [*lines, "", f"  or opens  {address}", ""]
+            return [f"To use a phone as the robot's eye, open {address}"]
+        lines = ["With the phone on the robot, scan this:", "", *self._gateway.draw(address)]
+        return [*lines, "", f"  or open   {address}", ""]

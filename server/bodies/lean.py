@@ -24,8 +24,8 @@ PUT_OFF = ("logging.config", "numpy.fft", "numpy.ma", "numpy.polynomial", "numpy
 
 
 class StandIn(ModuleType):
-    """Replaces the module `ssl`. Every attribute that is looked up exists, so that code that
-    imports `ssl` still loads.
+    """Replaces the module `ssl`. Every attribute exists, so that code that imports `ssl` still
+    loads.
 
     Libraries use expressions such as `int(ssl.PROTOCOL_TLS_SERVER)` and `except ssl.SSLError`.
     Attributes in capitals are therefore the number 0, and all other attributes are exception

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
             text = template.joinpath(file).read_text(encoding="utf-8")
             text = text.replace("mybot", name).replace("Mybot", name.capitalize())
             (folder / file.replace("mybot", name)).write_text(text, encoding="utf-8")
-    print(f"{folder} has a driver for {name!r}. Try it:")
+    print(f"{folder} contains a driver for {name!r}. Try it:")
     print(f"  pip install -e {folder}")
     print(f"  cd {folder} && pytest --drivelesson-driver {name}")
     print(f"  drivelesson serve --robot {name} --{name}-address HOST:PORT --lan --tls")

@@ -19,7 +19,7 @@ router = APIRouter(prefix="/api/challenge", route_class=Route)
 
 
 class ChallengeExtension(Extension):
-    """Counts the tries of one robot: autonomous drives that the page announced as a try."""
+    """Counts the tries of one robot: autonomous drives that the page announced as tries."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._services, self._loop = services, services.robot.loop
@@ -71,7 +71,7 @@ class TryAnswer:
 
 @dataclass
 class ChallengeAnswer:
-    """The state of the challenge; `can_measure` is false if the robot does not know its path."""
+    """The state of the challenge; `can_measure` is false if the robot's position is unknown."""
 
     can_measure: bool
     is_armed: bool

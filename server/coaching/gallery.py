@@ -1,7 +1,7 @@
 """Caches the learned images for the page's gallery.
 
-The cache asks the learner when a client asks, and keeps the images until something is taught or
-changed.
+The cache asks the learner only when a client asks, and keeps the images until something is taught
+or changed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Gallery:
             policy, self._n_seen, self._images = await asyncio.wrap_future(
                 self._loop.submit(self._fetch)
             )
-            if policy is not self._policy:  # a new learner numbers its images from the start again
+            if policy is not self._policy:  # a new learner numbers its images from 0 again
                 self._policy, self._seen = policy, {}
             shown = {image.node_id: image for image in self._images}
             before = [one for one in self._seen.items() if one[0] not in shown]

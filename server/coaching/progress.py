@@ -17,7 +17,7 @@ from server.coaching.gallery import Gallery
 from server.persistence import Persistence
 
 MARK_EVERY = 10
-"""Least number of examples between two points of the curve."""
+"""Minimum number of examples between two points of the curve."""
 _SAMPLE_EVERY_S = 0.5
 _MARKS, _POINTS = 2000, 200
 
@@ -85,13 +85,13 @@ class Progress:
         self.gallery = Gallery(loop)
 
     async def follow(self) -> None:
-        """Note the state of the loop every `_SAMPLE_EVERY_S`, for ever."""
+        """Note the state of the loop every `_SAMPLE_EVERY_S` until cancelled."""
         while True:
             self.note()
             await self._loop.clock.pause(_SAMPLE_EVERY_S)
 
     def note(self) -> None:
-        """Add the present agreement to the curve, if enough examples were taught since the last
+        """Add the current agreement to the curve, if enough examples were taught since the last
         point. An undo removes points; another policy begins a new curve."""
         policy, state = self._loop.history.policy, self._loop.state
         n_examples, marks = sum(state.taught.values()), self._marks

@@ -17,7 +17,7 @@ from server.services import services_of
 
 router = APIRouter(prefix="/api", route_class=Route)
 _ONE_SIDED = 20
-"""Number of examples of turns to one side, and none to the other, after which the page asks whether
+"""If the examples contain this many turns to one side and none to the other, the page asks whether
 left and right are alike."""
 
 
@@ -29,7 +29,7 @@ class AlikeWord(RawValue):
 
 @dataclass
 class AlikeAnswer:
-    """Whether left and right are alike, whether the pilot can set this, and whether to ask him."""
+    """Whether left and right are alike, whether this can be set, and whether to ask the pilot."""
 
     alike: bool
     possible: bool

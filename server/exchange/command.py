@@ -94,7 +94,7 @@ def configure_import(parser: argparse.ArgumentParser) -> None:
 
 
 def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Import the drives of another program, each as an episode; an error leaves no episode."""
+    """Import the drives of another program, each as an episode; after an error, none is left."""
     reading = Reading(
         threshold=args.threshold,
         trim=args.trim,
@@ -164,11 +164,11 @@ def _tidy(name: str) -> str:
 def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     paths = find_paths(store, args.episodes)
     if len(paths) > 1 and args.form != "lerobot":
-        raise ConfigurationError(f"--as {args.form} takes one episode at a time")
+        raise ConfigurationError(f"--as {args.form} exports one episode at a time")
     _, _, takes = EXPORTS[args.form]
     options = {n: value for n in FLAGS if (value := getattr(args, n)) not in (None, "")}
     if strange := [FLAGS[name] for name in options if name not in takes]:
-        raise ConfigurationError(f"--as {args.form} takes no {', '.join(strange)}; leave it out")
+        raise ConfigurationError(f"--as {args.form} does not use {', '.join(strange)}; omit it")
     out = args.out or _default_path(storage.exports, paths[0].stem, args.form)
     if args.form == "film":
         check_suffix(out, "a film", SUFFIXES)

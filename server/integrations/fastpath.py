@@ -110,7 +110,7 @@ def make_protocol() -> type[Any] | None:
 
         def handle_cont(self, event: Frame) -> None:
             super().handle_cont(event)
-            # Join the fragments of a message, so that endless empty ones use no memory.
+            # Join a message's fragments, so that an endless series of empty ones uses no memory.
             # Older versions of uvicorn join fragments by themselves.
             self.frames = [b"".join(getattr(self, "frames", ()))]
 
@@ -140,7 +140,7 @@ def make_protocol() -> type[Any] | None:
             return message
 
         def shutdown(self) -> None:
-            # On a closing connection uvicorn's method would raise an error, and the app would not
+            # On a closing connection, uvicorn's method would raise an error, and the app would not
             # be told to end.
             if not self.transport.is_closing():
                 super().shutdown()

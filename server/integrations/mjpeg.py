@@ -44,7 +44,7 @@ async def mjpeg(request: Request) -> StreamingResponse:
     broadcast, gateway = services.hub.broadcast, services.gateway
     frame = services.robot.camera.latest()
     if frame is not None:
-        # encode now, because a missing OpenCV can be answered with 501 only before the stream
+        # encode now: once the stream has begun, it is too late for a 501 if OpenCV is missing
         broadcast.video.encoder.encode_jpeg(frame)
     sent, room = itertools.count(1), Room(measure_connection(gateway.peer(request.scope)))
 
@@ -103,7 +103,7 @@ async def _parts_with_length(
 ) -> AsyncIterator[bytes]:
     """Yield the parts of the MJPEG stream for a media player.
 
-    Each part says its length. Without the length, players based on FFmpeg would show a part only
+    Each part states its length. Without the length, players based on FFmpeg would show a part only
     after the headers of the next two parts.
     """
     async with contextlib.aclosing(stream) as frames:
@@ -131,7 +131,7 @@ async def _parts_that_end_at_once(
 
 
 async def _padded_for_vlc(stream: AsyncGenerator[bytes, None]) -> AsyncGenerator[bytes, None]:
-    """Yield each frame with zeros behind it, so that VLC shows it without waiting for the next."""
+    """Yield each frame, padded with zeros, so that VLC shows it without waiting for the next."""
     waits_for = _VLC_WAITS_FOR
     async with contextlib.aclosing(stream) as frames:
         async for jpeg in frames:

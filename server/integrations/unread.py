@@ -22,8 +22,8 @@ _PATIENCE = 2048
 The number must be a power of two. After each frame that is sent anyway, the number doubles."""
 _REPORTED = 256
 """A viewer that seems not to read, but got a frame anyway, is checked after this number of further
-calls of `is_there`. By then, after 2.56 s, the client's system has reported its window again. The
-system reports it once a second."""
+calls of `is_there`. By then, after 2.56 s, the client's system has reported its window again, as it
+does once a second."""
 
 Measure = Callable[[], tuple[int, int] | None]
 """Returns the number of bytes in flight and the client's window, both in bytes; None if unknown."""

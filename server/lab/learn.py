@@ -102,7 +102,7 @@ def _say(report: Report, policy: Policy, episodes: list[EditedEpisode], seconds:
     if report.missing_frames:
         print(f"{report.missing_frames} examples were left out: their pictures were not recorded")
     if report.left_out_edits:
-        print(f"{report.left_out_edits} edits were left out: their learned images do not exist now")
+        print(f"{report.left_out_edits} edits were left out: their learned images no longer exist")
 
 
 def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | None:

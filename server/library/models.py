@@ -113,8 +113,8 @@ class ModelLibrary:
         states = [self._store.load(name).to_policy().get_state() for name in names]
         if begin_like(policy, states) < len(names):
             raise ConfigurationError(
-                f"a new model of {policy.name} cannot start from {', '.join(names)}: they need "
-                "this learner and these moves, and the learner needs a linear part"
+                f"a new model of {policy.name} cannot start from {', '.join(names)}: all must "
+                "have the same moves and the same learner, with a linear part"
             )
 
     def copy(self, name: str, new_name: str | None = None) -> str:
@@ -139,7 +139,7 @@ class ModelLibrary:
 
 
 def begin_like(policy: Policy, earlier: Sequence[State]) -> int:
-    """Begin with weights of policies from earlier places; return how many of them were used.
+    """Begin with the weights of earlier policies; return how many of these policies were used.
 
     From the first example on, the learner also uses the weights of the earlier policies, but its
     own examples count more. Call this before the first example.

@@ -174,12 +174,12 @@ def _print_half_done(storage: Storage) -> None:
         what = path.relative_to(storage.root).as_posix()
         print(
             f"unfinished: {what}, {size_of(path) / 1e6:.1f} MB: the program that wrote it was "
-            "ended; the next start of the robot, or the next import, removes it"
+            "interrupted; the next start of the robot, or the next import, removes it"
         )
     for path, name in strays(storage.folder(NAME)):
         print(
             f"{path.name}, {size_below(path) / 1e6:.1f} MB: {name}.mcap is missing; if it was "
-            "deleted, the next start of the robot moves this to the trash, too"
+            "deleted, the next start of the robot moves these parts to the trash, too"
         )
 
 
@@ -287,7 +287,7 @@ def _edits(count: int) -> str:
 def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Restore deleted episodes; without a key, the episodes deleted last."""
     for episode_id in store.restore(args.key or max(store.trash(), default="")):
-        print(f"{episode_id} is restored")
+        print(f"{episode_id} was restored")
 
 
 def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
@@ -297,13 +297,13 @@ def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> 
 
 def set_title(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     notes = store.set_title(find_id(store, args.episode), args.title)
-    print(f"the title is now {notes.title!r}" if notes.title else "the title is removed")
+    print(f"the title is now {notes.title!r}" if notes.title else "the title was removed")
 
 
 def protect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     episode_id, is_on = find_id(store, args.episode), args.verb == "protect"
     store.protect(episode_id, is_on)
-    print(f"{episode_id} is {'never' if is_on else 'again'} offered for deletion")
+    print(f"{episode_id} is {'never' if is_on else 'again'} suggested for deletion")
 
 
 # Space -------------------------------------------------------------------------------------------

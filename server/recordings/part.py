@@ -21,8 +21,8 @@ from server.persistence import Persistence, PersistencePart
 from server.recordings.separate_process import SeparateWork
 
 _SHORT = 5000
-"""This process copies recordings of up to this many pictures. For longer ones it pays to start a
-separate process."""
+"""Recordings of up to this many pictures are copied in this process; for longer recordings, a
+separate process is faster."""
 
 
 class Recordings(PersistencePart):
@@ -46,8 +46,8 @@ class Recordings(PersistencePart):
         )
 
     def _announce(self, name: str, **fields: Any) -> None:
-        """Announce an event of the recorder. Before this, set `run` to the name of the current
-        recording, because recording may just have begun or ended."""
+        """Announce an event of the recorder. First set `run` to the name of the current recording,
+        because recording may just have begun or ended."""
         self._kept.run = self.recorder.recording.episode_id
         self._kept.announce(name, **fields)
 

@@ -240,7 +240,7 @@ def download_episodes(episode: list[str] = CHOSEN, store: EpisodeStore = STORE) 
 async def _sent(paths: Sequence[Path], blocks: Iterator[bytes]) -> AsyncIterator[bytes]:
     """Yield the blocks of a download, which are read on other threads.
 
-    The recordings at `paths` cannot be deleted until all is sent or the client has left.
+    The recordings at `paths` cannot be deleted until everything is sent or the client has left.
     """
     with reading(paths):
         async for block in iterate_in_threadpool(blocks):

@@ -53,8 +53,8 @@ def open_data(args: argparse.Namespace, *, changes: bool, may_create: bool = Fal
 
 
 def find_id(store: EpisodeStore, name: str) -> str:
-    """Return the id of an episode. `name` is its whole name, or the beginning of a name that only
-    one episode has, or "last"."""
+    """Return the id of an episode. `name` is its whole name, or a beginning that no other
+    episode's name has, or "last"."""
     ids = store.ids()
     if not ids:
         raise NotFoundError("nothing is recorded yet")
@@ -65,7 +65,7 @@ def find_id(store: EpisodeStore, name: str) -> str:
     found = [i for i in ids if i == name] or [i for i in ids if composed(i).startswith(typed)]
     if len(found) != 1:
         what = "no episode" if not found else f"{len(found)} episodes"
-        raise NotFoundError(f"{what} of this name: {name!r}; see: drivelesson episodes list")
+        raise NotFoundError(f"{what} of the name {name!r}; see: drivelesson episodes list")
     return found[0]
 
 
@@ -86,7 +86,7 @@ def find_ids(store: EpisodeStore, args: argparse.Namespace) -> list[str]:
         raise ConfigurationError("name at least one episode, or give --search or --all")
     found = [one.id for one in store.summaries() if args.all or one.matches(args.search)]
     if not found:
-        what = "nothing is recorded yet" if args.all else f"no episode has {args.search!r}"
+        what = "nothing is recorded yet" if args.all else f"no episode matches {args.search!r}"
         raise NotFoundError(what)
     return found
 

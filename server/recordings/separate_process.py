@@ -31,8 +31,8 @@ _BEGIN = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
 
 
 class SeparateWork(Iterator[_T]):
-    """Runs `work(tell, *args, **kwargs)` in a separate process, which ends at the latest when this
-    process ends.
+    """Runs `work(tell, *args, **kwargs)` in a separate process, which never outlives this
+    process.
 
     Iterating yields the values that `work` passes to `tell`. If `work` raises an error, iterating
     raises it, too. If the process was killed, iterating raises RecordingError. `work` must be a
@@ -64,7 +64,7 @@ class SeparateWork(Iterator[_T]):
         except (EOFError, ValueError, pickle.UnpicklingError):
             self.close()
             raise RecordingError(
-                "the process that read the recording was ended; is there enough memory?"
+                "the process that read the recording was killed; is there enough memory?"
             ) from None
         if kind == _TOLD:
             told: _T = value

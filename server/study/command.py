@@ -44,7 +44,7 @@ def _new(args: argparse.Namespace) -> int:
         raise ConfigurationError(f"{args.plan} exists already; choose another name")
     with told_as(ConfigurationError, f"cannot write {args.plan}"):
         args.plan.write_text(paper_plan(args.trial), encoding="utf-8")
-    print(f"{args.plan} has the paper's protocol of trial {args.trial}. Change it, then check it:")
+    print(f"{args.plan} is the paper's protocol of trial {args.trial}. Edit it, then check it:")
     print(f"drivelesson study check {quoted(str(args.plan))}")
     return 0
 
@@ -78,6 +78,6 @@ def _report(args: argparse.Namespace) -> int:
     for path in same:
         print(f"{args.out / path}: the same as in the zip")
     if other:
-        print(f"Different from those in the zip: {', '.join(other)}", file=sys.stderr)
+        print(f"These differ from the files in the zip: {', '.join(other)}", file=sys.stderr)
         return 1
     return 0

@@ -1,7 +1,7 @@
 """Conducts one participant's session of a study: phases of driving, which end after a given time,
 and questions.
 
-A session can be resumed at any time, because its event log has its whole state.
+A session can be resumed at any time, because its event log contains its whole state.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ def check_body(body: Any, condition: Condition) -> None:
         do = f"choose {place!r} under Settings, Place, while no session is running"
         if place not in worlds:
             do = (
-                "this place is not offered under Settings: start the robot with --world and its "
-                "TOML file"
+                "this place is not offered under Settings: start the robot with --world and the "
+                "world's TOML file"
             )
         raise ConfigurationError(
             f"this condition needs the world {condition.world!r}, but the robot is in {here!r}; "
@@ -107,7 +107,7 @@ class Conductor(StartStop):
         try:
             self._end("server_ended")
         except (RobotError, OSError, TimeoutError) as error:
-            log.warning("the session's model is put away at the next start: %s", error)
+            log.warning("the session's model will be put away at the next start: %s", error)
 
     @property
     def is_simulated(self) -> bool:
@@ -222,8 +222,8 @@ class Conductor(StartStop):
         check_body(self._rig.driver, condition)
         if not (self.is_simulated or confirmed):
             raise ConfigurationError(
-                f"confirm that the robot stands in the place {condition.world!r}; the program "
-                "cannot see this"
+                f"confirm that the robot is in the place {condition.world!r}; the program "
+                "cannot check this"
             )
         checker = "simulator" if self.is_simulated else "researcher"
         self._models.put_away()
@@ -331,7 +331,7 @@ class Conductor(StartStop):
 
     def _session(self) -> StudySession:
         if self.session is None:
-            raise ConfigurationError("no session is running; begin one on the screen of studies")
+            raise ConfigurationError("no session is running; begin one on the Studies screen")
         return self.session
 
     def _tell(self) -> None:

@@ -120,7 +120,7 @@ class StudyFolder:
     def events(self, name: str, code: str) -> list[StudyEvent]:
         """Read a session's event log; raises RecordingError if it is damaged.
 
-        Without a log, the session has not begun, and there are no events.
+        If there is no log, the session has not begun, and the list is empty.
         """
         if code not in self.codes(name):
             return []

@@ -1,9 +1,9 @@
-"""Gives the robot a session's model, and after the session its own model again.
+"""Loads a session's model into the robot, and after the session the robot's own model again.
 
 A participant's model is among the robot's models only while the session is driven. After the
-session that model lies beside the session's log, and the robot uses its previous model again. The
-file `StudyFolder.active` names the session's model. If the power failed during the session, the
-next start of the program reads this file, and the robot gets its own model again.
+session, that model is stored beside the session's log. The file `StudyFolder.active` names the
+session's model. If the power failed during the session, the next start of the program reads this
+file, and the robot gets its own model again.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class SessionModels:
     ) -> bool:
         """Use the participant's saved model of this condition, or an empty one.
 
-        Returns True if the robot now has an empty model: `anew` was True, or no model was saved.
+        Returns True if the model is empty, because `anew` is True or no model was saved.
         After a ConfigurationError or OSError the robot still has its previous model.
         """
         path = self._folder.model_path(study, participant, position)

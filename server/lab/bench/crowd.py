@@ -1,7 +1,7 @@
 """Measures how much the control loop is slowed down by greedy viewers while a pilot drives.
 
 The greedy viewers, each a separate process, request every address as fast as the server answers.
-The viewers run and are paused (by SIGSTOP) in turns, so that other load on the machine affects both
+They are paused (by SIGSTOP) and resumed in turn, so that other load on the machine affects both
 cases alike. A pilot drives throughout.
 """
 
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     watched = asyncio.run(_measure_watched(args.viewers, args.seconds, args.rate))
     alone, together = greedy["without"], greedy["with"]
     ratio = (
-        f"{greedy['ratio'] or '-'} of that without greedy viewers (asked: {_ASKED_RATIO}), "
+        f"is {greedy['ratio'] or '-'} times that without greedy viewers (limit: {_ASKED_RATIO}), "
         f"{greedy['stops']} stops"
     )
     loop = Table(

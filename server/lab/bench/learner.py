@@ -96,7 +96,7 @@ def _tables(result: dict[str, Any]) -> tuple[Table, Table]:
         rows=tuple(tuple(f"{value:.0f}" for value in row.values()) for row in result["policies"]),
     )
     cluster = Table(
-        title=f"the cluster alone, vectors of {N_BYTES} bytes, microseconds",
+        title=f"only the clustering, vectors of {N_BYTES} bytes, microseconds",
         columns=("nodes", "train", "p99", "lookup", "product", "train/product"),
         rows=tuple(tuple(row.values()) for row in result["cluster"]["sizes"]),
     )

@@ -48,7 +48,7 @@ def report(args: argparse.Namespace, figures: Any, *tables: Table) -> int:
     return 0
 
 
-TOO_BUSY = "The computer was too busy for the figures that are missing (-): close other programs."
+TOO_BUSY = "Figures are missing (-), because the computer was too busy: close other programs."
 
 
 def percentiles(seconds: Sequence[float]) -> dict[str, Any]:

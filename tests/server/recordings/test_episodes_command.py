@@ -32,7 +32,7 @@ def test_a_recording_is_listed_shown_edited_titled_and_compacted(episode_id, dat
     assert say("episodes title last " + "x" * 300) == f"the title is now {'x' * 200!r}\n"
     assert "x" * 200 in say("episodes show last")
     assert main(["episodes", "title", "last", ""]) == 0
-    assert capsys.readouterr().out == "the title is removed\n"
+    assert capsys.readouterr().out == "the title was removed\n"
     assert "1 edit; " in say("episodes trim last --from 0.5 --to 2.5")
     say("episodes relabel last --from 1 --to 2 --label right")
     assert "3 edits" in say("episodes delete last --from 2")
@@ -57,12 +57,12 @@ def test_several_episodes_are_zipped_deleted_restored_and_imported_by_one_comman
     assert "yard" in listed and "hall" not in listed
     assert "3 episodes" in say(f"episodes zip --all --out {home} --delete")
     assert store.ids() == []
-    assert say("episodes restore").count(" is restored") == 3
-    assert f"{episode_id} is never offered" in say("episodes protect last")
+    assert say("episodes restore").count(" was restored") == 3
+    assert f"{episode_id} is never suggested" in say("episodes protect last")
     assert "3 episodes" not in say("episodes delete --all", status=1)
     assert store.ids() == [episode_id]
     assert "deletable" not in say("episodes budget --gigabytes 0")
-    assert f"{episode_id} is again offered" in say("episodes unprotect last")
+    assert f"{episode_id} is again suggested" in say("episodes unprotect last")
     assert f"deletable: {episode_id}" in say("episodes budget --gigabytes 0")
     say(f"episodes import {home}")
     assert len(store.ids()) == 4
@@ -129,13 +129,13 @@ def test_a_name_is_found_in_every_encoding_of_its_accents(episode_id, data, form
         ("trim last --from 90 --to 91", "no pictures between"),
         ("delete", "name at least one episode"),
         ("delete last --all", "give only one of these"),
-        ("zip --search kitchen", "no episode has 'kitchen'"),
+        ("zip --search kitchen", "no episode matches 'kitchen'"),
         ("restore 17", "no longer in the trash"),
         ("list --data /proc/x", "there is no data folder /proc/x"),
         ("import /nowhere --data /proc/x", "cannot be used"),
         ("export last --as tub --out /proc/x", "cannot write"),
-        ("export last --as folder --fps 5 --task x", "--as folder takes no --fps, --task"),
-        ("export last --as film --all", "--as film takes no --all; leave it out"),
+        ("export last --as folder --fps 5 --task x", "--as folder does not use --fps, --task"),
+        ("export last --as film --all", "--as film does not use --all; omit it"),
         ("import /nowhere --name a/b", "'a/b' is not a valid name"),
         ("import /nowhere", "nowhere does not exist"),
         ("import /nowhere --threshold 7", "--threshold"),
@@ -182,8 +182,8 @@ def test_the_recording_deleted_last_is_restored_whatever_the_clock_says(
     by_hand = data / "trash/old drives"
     by_hand.mkdir()
     path.rename(by_hand / path.name)
-    assert say("episodes restore") == "second is restored\n"
-    assert say("episodes restore") == "first is restored\n"
+    assert say("episodes restore") == "second was restored\n"
+    assert say("episodes restore") == "first was restored\n"
     assert "no longer in the trash" in say("episodes restore", status=2)
 
 
