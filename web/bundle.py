@@ -1,13 +1,13 @@
-"""Joins the page's modules and styles when a wheel is built: a first visit then takes few requests.
+"""Joins the page's modules and styles when a wheel is built, so a first visit takes few requests.
 
-From a clone the modules are served as they are written. The modules of the drive screen become one
-file, those of the other screens a second, and each further folder and each worker gets its own;
-small folders share one, because each file costs a request and compresses on its own.
+In a clone, the modules are served unchanged. The modules of the drive screen become one file, and
+those of the other screens a second file. Each further folder and each worker gets a file of its
+own; small folders share a file, because each file costs a request and is compressed separately.
 Each file's name begins with a hash of its content, so a browser may cache it indefinitely. Comments
 and indentation are removed.
 
-Modules may use only a few forms, and any other is refused by name: imports by `{names}` or of a
-default, exports at the declaration, no `await` outside functions, no `export let`.
+Modules may use only imports by `{names}` or of a default, and exports at the declaration. They must
+not use `await` outside functions, or `export let`. An error names each form that is not allowed.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ _SENTENCE = re.compile(r"^  (\S+): '(?:[^'\\]|\\.)*',\n", re.M)
 
 
 class JoinError(ValueError):
-    """A module has a form that cannot be joined."""
+    """A module contains code that cannot be joined."""
 
 
 def bundle(folder: Path, target: Path) -> None:
-    """Write the page of a folder to another, joined; what is not joined is copied.
+    """Write the page of one folder to another folder, joined; other files are copied.
 
     The file `shell.json` lists what the service worker caches after the first visit.
     """
@@ -176,7 +176,7 @@ class _Joiner:
         homes |= dict.fromkeys(modules, needed)
 
     def _fetched(self) -> set[str]:
-        """Return what modules import when they need it; `${name}` stands for any name."""
+        """Return the paths of the dynamic imports; `${name}` stands for any name."""
         return {
             _resolve(module, path[1:-1])
             for file in (self._folder / "js").rglob("*.js")
@@ -196,7 +196,7 @@ class _Joiner:
         except FileNotFoundError:
             raise JoinError(f"no module {module}: is its import spelt right?") from None
         if found := re.search(r"^await .*", source, re.M):
-            raise JoinError(f"{module}: cannot join {found[0]!r}: it waits outside of a function")
+            raise JoinError(f"{module}: cannot join {found[0]!r}: it has an `await` outside functions")
         return shrink(source)
 
     def _closure(self, wanted: list[str]) -> list[str]:

@@ -14,7 +14,7 @@ const ALL = 'all';
  * @property {string} page  the address of its page for phones
  * @property {string} name
  * @property {'connecting' | 'there' | 'away' | 'not_ours' | 'no_class'} status
- * @property {string} detail  why, in English
+ * @property {string} detail  the reason for the status, in English
  * @property {'asked' | 'stopped' | 'not_reached' | null} stop
  * @property {string} stop_id  names the newest STOP; a release must name it
  * @property {boolean} release_refused  the last release was for an older STOP than the newest
@@ -56,9 +56,9 @@ export class ClassLink extends EventTarget {
     /** @type {number[]} */
     this.watched = [];
     this.isOpen = false;
-    /** @type {Set<string>} addresses, because a restarted board may number robots differently: the robots whose stop no board has received yet */
+    /** @type {Set<string>} the addresses of robots whose stop no board has received yet; a restarted board may change the numbers of robots */
     this.owed = new Set();
-    /** @type {Set<string>} robots whose stop was sent, without an answer so far */
+    /** @type {Set<string>} the addresses of robots whose stop was sent, but not answered yet */
     this.said = new Set();
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.doubt = undefined;
@@ -88,7 +88,7 @@ export class ClassLink extends EventTarget {
     setTimeout(() => this.connect(), RETRY_MS);
   }
 
-  /** The board receives messages. */
+  /** Called when a message shows that the board is alive, so it has received all stops. */
   trust() {
     clearTimeout(this.doubt);
     this.doubt = undefined;

@@ -1,4 +1,4 @@
-// Shows a lesson of docs/lessons, for a projector. What is only for the teacher (text, answers, button) is folded away.
+// Shows a lesson of docs/lessons, for a projector. The part for the teacher (text, answers, button) is collapsed.
 
 import { ask } from '../js/api.js';
 import { fill, h } from '../js/dom.js';
@@ -34,7 +34,7 @@ const spoken = (words) => words.map(({ kind, text: said }) => (kind === 'text' ?
 function draw(piece) {
   if (piece.kind === 'ul') return h('ul', {}, ...piece.items.map((item) => h('li', {}, ...spoken(item))));
   if (piece.kind !== 'table') return h(piece.kind === 'h2' ? 'h1' : 'p', {}, ...spoken(piece.words));
-  /** Empty cells at the end of a row are left out, and the last other cell spans their columns. @param {Word[][]} cells */
+  /** Empty cells at the end of a row are left out, and the last non-empty cell spans their columns. @param {Word[][]} cells */
   const row = (cells) => {
     const said = cells.filter((cell, i) => i === 0 || cell.length);
     return h('tr', {}, ...said.map((cell, i) => h('td', { colspan: i === said.length - 1 ? cells.length - i : 1 }, ...spoken(cell))));

@@ -100,7 +100,7 @@ async function look(nowMs, about) {
   }
 }
 
-/** @returns {Promise<{jpeg: ArrayBuffer, covered: boolean} | null>} null: the worker cannot */
+/** @returns {Promise<{jpeg: ArrayBuffer, covered: boolean} | null>} null if the worker cannot encode pictures */
 async function pack() {
   const to = { width: wanted.width, height: wanted.height };
   if (packer) return packer.pack(seen, seen.videoWidth, seen.videoHeight, to);

@@ -1,6 +1,6 @@
 // The sentences on the screens of coaching.
 export default {
-  'gallery.summary': '{n} images, of at most {max}. Each is a blend of the pictures that it stands for. The bright image decides the robot’s move now.',
+  'gallery.summary': '{n} images, of at most {max}. Each image blends the pictures that it represents. The bright image decides the robot’s move now.',
   'gallery.empty': 'Nothing yet. Teach the robot something and its images will appear here.',
   'gallery.order': 'Order',
   'gallery.newest': 'Newest first',
@@ -23,10 +23,10 @@ export default {
   'why.nothing': 'I haven’t learned anything yet that helps me here.',
   'why.present': 'I see',
   'why.image': 'I learned',
-  'why.how': 'Bright squares: what I recognised. Dark squares: what did not help me.',
+  'why.how': 'Bright squares show what I recognised. Dark squares did not help me.',
   'ready.title': 'Can it drive itself?',
   'ready.teach': 'Not yet. Keep teaching:',
-  'ready.try': 'Let it try, and keep a finger ready. After {left} s more without a mistake it is ready.',
+  'ready.try': 'Let it try, and keep a finger ready. It is ready after {left} s more without a mistake.',
   'ready.ready': 'Ready: it drove {needed} s without a mistake.',
   'gap.too_short': 'Teach for {left} s more.',
   'gap.rare_move': 'Show more {moves}: {have} of {need} so far.',

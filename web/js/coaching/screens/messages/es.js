@@ -1,5 +1,5 @@
 export default {
-  'gallery.summary': '{n} imágenes, de un máximo de {max}. Cada una es una mezcla de las que representa. La iluminada decide ahora el movimiento del robot.',
+  'gallery.summary': '{n} imágenes, de un máximo de {max}. Cada una mezcla las fotos que representa. La iluminada decide ahora el movimiento del robot.',
   'gallery.empty': 'Nada todavía. Enseña algo al robot y aquí aparecerán sus imágenes.',
   'gallery.order': 'Orden',
   'gallery.newest': 'Más nuevas',
