@@ -196,7 +196,7 @@ class _Joiner:
         except FileNotFoundError:
             raise JoinError(f"no module {module}: is its import spelt right?") from None
         if found := re.search(r"^await .*", source, re.M):
-            raise JoinError(f"{module}: cannot join {found[0]!r}: it has an `await` outside functions")
+            raise JoinError(f"{module}: cannot join {found[0]!r}: `await` is outside functions")
         return shrink(source)
 
     def _closure(self, wanted: list[str]) -> list[str]:

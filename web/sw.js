@@ -1,4 +1,4 @@
-// Caches the page's files at the first visit, so that later the page opens without the robot and says that it is away.
+// Caches the page's files at the first visit, so that the page can later open without the robot, and say that it is away.
 //
 // A file whose name begins with a hash never changes, so it is fetched only once.
 // The document and the icons are requested from the robot first, so that no old copy hides an update.

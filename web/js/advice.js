@@ -25,7 +25,7 @@ export function usedMoves(taught) {
 }
 
 /**
- * The key of the text that says who drives; a robot that stands and asks for help does not.
+ * The key of the text that says who drives; a robot that stands still and asks for help is not driving.
  * @param {import('./protocol.js').RobotState | null} robot
  */
 export function whoDrives(robot) {
@@ -53,7 +53,7 @@ export function urgentAdvice(page) {
   if (elsewhere) return elsewhere;
   if (page.wheelAsked) return { key: 'wheel_asked', step: 'yield', level: 'ask' };
   if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
-  // If an extension's lead is over, it does not matter why the robot stands still.
+  // If the part that an extension led is over, it does not matter why the robot stands still.
   if (page.lead?.isOver) return page.lead.ask(robot);
   // The text of the extension that leads the pilot already says which mode to choose.
   if (page.localStop === 'wheel' && robot.mode === 'stopped' && !page.lead) return { key: 'local.wheel', level: 'ask' };
@@ -143,7 +143,7 @@ function wheelElsewhere(page) {
 /** @typedef {{key: string, move?: string, left?: number, left_s?: number, have?: number, need?: number, n?: number, of?: number, metres?: string}} Told */
 
 /**
- * The text while nothing is urgent: an extension's text about its progress, the reason why more driving alone is needed than before, or the most useful advice; null before the robot is known. @param {PageState} page @returns {Told | null}
+ * The text while nothing is urgent: an extension's text about its progress, the reason why the robot now has to drive by itself for longer, or the most useful advice; null before the first state. @param {PageState} page @returns {Told | null}
  */
 export function whatToSay({ robot, lead, readiness, setback, told }) {
   if (!robot) return null;

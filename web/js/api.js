@@ -85,10 +85,10 @@ export async function askToStop(isOwed) {
   return null;
 }
 
-/** Timeout of requests that ask why the link is lost. The timeout is short, so that a STOP by request does not wait long behind a request for the reason. */
+/** Timeout of requests that ask why the link is lost. The timeout is short, so that a STOP by HTTP does not wait long behind such a request. */
 export const WHY_MS = 2000;
 
-/** Ask by an HTTP request why a websocket was refused, because the websocket itself gives no reason. A browser that is no longer admitted is redirected. @param {string} path  a path that an admitted browser may request */
+/** Ask by an HTTP request why a websocket was refused, because the websocket itself gives no reason. A page that is no longer admitted is loaded again. @param {string} path  a path that an admitted browser may request */
 export const askWhy = (path) => ask('GET', path, undefined, WHY_MS).catch(({ status, robot }) => status === 401 && robot && location.reload());
 
 /** Send a request with a long timeout. @param {string} path */

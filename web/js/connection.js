@@ -8,13 +8,13 @@ import {
   parseWords,
 } from './protocol.js';
 
-const SILENCE_MS = 1500; // time without a message after which the link is dead; states arrive ten times a second
-const PICTURE_MS = 5000; // time after which the video socket is dead if states name newer pictures but no picture arrives
+const SILENCE_MS = 1500; // time without a message after which the link counts as dead; states arrive ten times a second
+const PICTURE_MS = 5000; // time after which the video socket counts as dead if states name newer pictures but no picture arrives
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 2000;
 const PING_EVERY_MS = 1000;
 const CLOCK_SAMPLES = 8;
-const IDLE_SILENCE_MS = 4000; // the time for an idle page, which receives little more than a pong each second
+const IDLE_SILENCE_MS = 4000; // like SILENCE_MS, for an idle page, which receives little more than a pong each second
 
 /**
  * Events: `open` and `lost`; and `words` and `picture`, whose `detail` is the message.
@@ -144,7 +144,7 @@ export class Connection extends EventTarget {
     };
   }
 
-  /** Remember a nonce, unless a newer one is known. The newer the nonce, the fresher is the command that returns it. @param {number | undefined} nonce  0 or undefined means no nonce @param {number} [cameMs] */
+  /** Remember a nonce, unless a newer one is known. The newer the nonce, the fresher the command that returns it. @param {number | undefined} nonce  0 or undefined means no nonce @param {number} [cameMs] */
   learn(nonce, cameMs = this.env.nowMs()) {
     if (!nonce || cameMs < this.nonceMs) return;
     this.nonce = nonce;
@@ -171,7 +171,7 @@ export class Connection extends EventTarget {
     this.dispatchEvent(new Event('open'));
   }
 
-  /** Begin or end to request pictures; they are wanted only while they are shown. @param {boolean} wanted */
+  /** Start or stop requesting pictures; they are wanted only while they are shown. @param {boolean} wanted */
   showPictures(wanted) {
     if (wanted === this.showsPictures) return;
     this.showsPictures = wanted;
@@ -253,7 +253,7 @@ export class Connection extends EventTarget {
     const { drive } = this;
     this.drive = null;
     if (!drive) return;
-    // Stop using the socket now, because on a silent network it takes long to close.
+    // Stop using the socket now, because it takes long to close on a silent network.
     drive.onopen = drive.onmessage = drive.onclose = drive.onerror = null;
     drive.close();
   }

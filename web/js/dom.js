@@ -4,7 +4,7 @@
 /**
  * @template {keyof HTMLElementTagNameMap} T
  * @param {T} tag
- * @param {Record<string, any>} [props]  `on…` listens, `class` and attributes are set, else a property
+ * @param {Record<string, any>} [props]  `on…` adds a listener; all others set an attribute
  * @param {...(Node | string | null | undefined | false)} children
  * @returns {HTMLElementTagNameMap[T]}
  */

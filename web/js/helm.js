@@ -14,9 +14,9 @@ const IDLE_BEATS = 5; // an idle page sends only every fifth heartbeat, which is
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 /** @typedef {import('./points.js').Point} Point */
-/** @typedef {{move: string | null, point: Point | null}} Hold  move is null if a thumb rests on its stick */
+/** @typedef {{move: string | null, point: Point | null}} Hold  move is null if a thumb touches a stick without pushing it */
 
-/** Events: `held` when the held move changes, `freed` when everything was released and must be pressed again, `refused` when a move is requested from a standing robot. */
+/** Events: `held` when the held move changes, `freed` when everything was released and must be pressed again, `refused` when a move is pressed that the robot cannot make now, for example because it is stopped. */
 export class Helm extends EventTarget {
   /**
    * @param {{send: (text: string) => boolean, nextSeq: () => number}} connection
@@ -48,7 +48,7 @@ export class Helm extends EventTarget {
     this.lateMs = 0;
   }
 
-  /** The hold that counts: of the input devices that hold a move, the newest. @returns {Hold} */
+  /** The hold that counts: the newest hold of a move on any input device. @returns {Hold} */
   get newest() {
     return [...this.holds.values()].filter(({ move }) => move).pop() ?? { move: null, point: null };
   }
@@ -90,7 +90,7 @@ export class Helm extends EventTarget {
     else this.dispatchEvent(new Event('refused'));
   }
 
-  /** Set the point to which a stick is pushed. If everything was released since, the stick must be grasped again. @param {string} source @param {Point | null} point */
+  /** Set the point to which a stick is pushed. If everything was released since the stick was grasped, it must be grasped again. @param {string} source @param {Point | null} point */
   steer(source, point) {
     const move = point && moveOf(point, this.moves);
     this.change(() => this.holds.has(source) && this.holds.set(source, { move, point: move ? point : null }), true);
@@ -118,7 +118,7 @@ export class Helm extends EventTarget {
     this.dispatchEvent(new Event('held'));
   }
 
-  /** Send a heartbeat if one is due. A timer calls this method, and so do other events, because timers of a slow phone are late. @param {number} nowMs */
+  /** Send a heartbeat if one is due. A timer and other events call this method, because the timers of a slow phone are late. @param {number} nowMs */
   beatIfDue(nowMs) {
     this.read();
     const sinceMs = nowMs - this.beatMs;

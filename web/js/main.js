@@ -19,7 +19,7 @@ const AGAIN_MS = 1000;
 /** What web/index.html shows until the page has started. */
 const { first } = /** @type {any} */ (globalThis);
 
-/** Load a part of the page, and repeat this until it works; meanwhile the page says so. @param {() => Promise<unknown>} act */
+/** Load a part of the page, and try again until it works; meanwhile, the page says so. @param {() => Promise<unknown>} act */
 async function persist(act) {
   for (;;) {
     try {
@@ -46,7 +46,7 @@ async function start() {
   addEventListener(NOT_KEPT, () => page.tellNotKept());
   new Router(page).start();
   listenForStop({ stop: () => page.stop(), isDriving: () => page.isDriving(), mayMove: () => page.helm.mayBeMoving });
-  // On a computer the page waits for the keyboard's code.
+  // On a computer, the page waits for the keyboard's code.
   // Few phones have a keyboard, so there the code is loaded after the first picture.
   if (store.state.hasKeys) await persist(() => listen(page));
   const way = new WayFinder({
@@ -66,7 +66,7 @@ async function start() {
   store.watch(['robot'], ({ robot }) => {
     if (robot) document.body.classList.toggle('mapless', robot.frame !== null && !robot.pose);
   });
-  // After the first picture, load everything that it did not need.
+  // After the first picture, load everything that was not needed for it.
   const unwatch = store.watch(['frame'], ({ frame }) => {
     if (frame === null) return;
     unwatch();

@@ -32,7 +32,7 @@ export function pointOf(move) {
 /** True for a move without a fixed place on the pad. @param {string} move */
 export const isOwn = (move) => !CLASSIC.includes(move);
 
-/** Sort moves from left over forward to right; moves with steering by their angle. @param {string[]} moves */
+/** Sort moves from left to right; moves that only some robots have are placed by their steering. @param {string[]} moves */
 export function byPlace(moves) {
   return [...moves].sort((a, b) => place(a) - place(b));
 }

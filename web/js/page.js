@@ -36,7 +36,7 @@ export class Page {
     this.helm = new Helm(connection, () => this.lookingAt());
     this.curveLessons = 0;
     this.curveInOrder = inOrder();
-    /** Number that changes with each model, undo and visit: the same image number then means another image. */
+    /** Changes with each model, undo and visit, because the same image number then means another image. */
     this.era = Math.round(performance.timeOrigin);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.noticeTimer = undefined;
@@ -50,7 +50,7 @@ export class Page {
     /** @type {ReturnType<typeof setTimeout> | undefined} the timer that sends an unconfirmed stop another way */
     this.stopTimer = undefined;
     this.shownGist = '';
-    /** The devices of body and camera that a search has found, by the stop reason if they fail.
+    /** The devices of body and camera that a search has found, by the stop reason that their failure causes.
      * @type {Record<string, string | undefined>} */
     this.devices = {};
     this.drawingMs = 0;
@@ -166,7 +166,7 @@ export class Page {
     this.wakeLock.want(robot.mode !== 'stopped');
   }
 
-  /** Note that the learned images were changed by something else than teaching. */
+  /** Note that the learned images were changed by something other than teaching. */
   beginEra() {
     this.era += 1;
     this.refreshCurve();
@@ -177,7 +177,7 @@ export class Page {
     return `api/gallery/${node}.png?v=${this.era}.${stamp}`;
   }
 
-  /** Show a state. A slow phone shows fewer states, to leave time for heartbeats and touches. @param {RobotState} robot */
+  /** True if a state is to be shown. A slow phone shows fewer states, to leave time for heartbeats and touches. @param {RobotState} robot */
   isWorthShowing(robot) {
     const nowMs = performance.now();
     const { mode, driven_by, action, stop_reason, emergency, you_are_pilot, fault, link } = robot;
@@ -281,7 +281,7 @@ export class Page {
     });
   }
 
-  /** Release the emergency stop that is shown, unless STOP was pressed since. The release waits until no request of this page can latch the stop again. */
+  /** Release the emergency stop that is shown, unless STOP was pressed in the meantime. The release waits until no request of this page can latch the stop again. */
   async release() {
     const shown = this.store.state.robot?.stop_number ?? 0;
     this.endStop();

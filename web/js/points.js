@@ -3,7 +3,7 @@
 import { pointOf } from './moves.js';
 
 /** @typedef {{steering: number, throttle: number}} Point */
-/** @typedef {{ahead: number, back: number}} Reach  the maximum throttle; back is 0 without a reverse */
+/** @typedef {{ahead: number, back: number}} Reach  the maximum throttle; back is 0 if the robot cannot reverse */
 
 /** Share of a stick's travel up to which the stick counts as at rest. */
 export const REST = 0.15;

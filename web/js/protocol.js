@@ -26,7 +26,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * The fields of a command that name the frame on the screen and prove when it was seen.
  * @typedef {object} Sight
  * @property {number | null} frame  id of the frame on the screen
- * @property {number | null} [nonce]  the newest that was received
+ * @property {number | null} [nonce]  the newest nonce that was received
  * @property {number | null} [frameAgeMs]  the age of the frame
  * @property {number | null} [phoneMs]  the part of this age spent on this phone
  */

@@ -27,7 +27,7 @@ export class Router {
     this.show();
   }
 
-  /** @param {number} [failures]  number of failed loads of its file */
+  /** @param {number} [failures]  how often the screen could not be loaded */
   async show(failures = 0) {
     const wanted = location.hash.slice(1);
     const added = partScreens()[wanted];

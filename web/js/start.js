@@ -1,13 +1,13 @@
-// Keeps the request for a mode that a tap has made, until the robot is in that mode.
+// Keeps the mode that a person has tapped, until the robot is in that mode.
 //
 // A request to start must prove that it is fresh (docs/reference/protocol.md, "Freshness").
 // Right after connecting, and after a pause, the page may have no proof, or only one that is too old.
-// The page then waits for the next picture and sends the request with its nonce, while the tap is young.
-// So nobody has to tap twice, and the robot does not start when the person no longer expects it.
+// The page then waits for the next picture and sends the request with its nonce, if the tap is recent.
+// Therefore nobody has to tap twice, and the robot does not start when the person no longer expects it.
 
 import { encodeMode } from './protocol.js';
 
-/** Maximum age of a tap whose request is repeated. */
+/** Maximum age of a tap whose request is sent or repeated, in milliseconds. */
 export const YOUNG_MS = 1000;
 const NOT_PROVEN = ['stale', 'no_picture', 'unknown_frame'];
 

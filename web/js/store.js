@@ -28,16 +28,16 @@
  * @property {number | null} delayMs  round trip of a message
  * @property {string | null} held  the move held on this page
  * @property {string} screen
- * @property {'hidden' | 'elsewhere' | 'wheel' | null} localStop  why the robot stands, if this page is the cause: it requested a stop, or has just got the wheel
- * @property {number[]} agreement  newest last, one for each ten lessons or so
+ * @property {'hidden' | 'elsewhere' | 'wheel' | null} localStop  why the robot stands still, if this page is the cause: it requested a stop, or has just got the wheel
+ * @property {number[]} agreement  newest last; one value for every five to ten examples
  * @property {boolean} wheelAsked  somebody else requests the wheel
  * @property {boolean} wheelWaiting  this page requested the wheel
  * @property {Lead | null} lead
  * @property {import('./advice.js').Readiness | null} readiness  null before the first request
- * @property {string | null} setback  why more driving alone is left than a moment ago
+ * @property {string | null} setback  why the robot now has to drive by itself for longer than before
  * @property {import('./advice.js').Told | null} told  an extension's text instead of the advice
  * @property {boolean} isLocal  the page is on the robot's computer, so no link can be slow
- * @property {boolean} hasKeys  a mouse, and so a keyboard
+ * @property {boolean} hasKeys  there is a mouse, and therefore probably a keyboard
  * @property {string | null} hint  the shown hint of the first visit
  * @property {Toast | null} toast  a sentence that disappears by itself, on any screen
  * @property {string | null} notice  a short text that disappears by itself

@@ -107,7 +107,7 @@ export class WayFinder {
       if (!isRobots(answer)) return { kind: 'foreign', robot: 'unknown' };
       return { kind: answer.is_full ? 'full' : this.count(), robot: doingOf(answer) };
     } catch (error) {
-      this.cuts = this.unopened = 0; // count from the start, because the robot or the whole network was away
+      this.cuts = this.unopened = 0; // start counting again, because the robot or the whole network was away
       this.loss = null;
       const { status, robot, message } = /** @type {{status?: number, robot?: string, message: string}} */ (error);
       this.silences = status === undefined ? this.silences + 1 : 0;

@@ -8,7 +8,7 @@ import { fetchWords, percent, t } from '../i18n.js';
 /** @typedef {{reverse: string, swap_sides: boolean, trim: number, turn_picture: number, mirror_picture: boolean, possible: string[]}} Corrections */
 /** @typedef {(change: object) => Promise<any>} Correct  applies a correction; the robot stops first */
 
-/** @param {import('../components/settings-screen.js').SettingsScreen} screen @returns {Promise<HTMLElement | null>} null for a robot that needs none */
+/** @param {import('../components/settings-screen.js').SettingsScreen} screen @returns {Promise<HTMLElement | null>} null if the robot supports no corrections */
 export async function showCorrections(screen) {
   await fetchWords((code) => import(`./corrections/messages/${code}.js`));
   const now = /** @type {Corrections} */ (await ask('GET', 'api/corrections').catch(() => ({ possible: [] })));
@@ -32,7 +32,7 @@ function picture({ turn_picture: turn, mirror_picture: isMirrored, possible }, c
   inView.observe(seen);
   screen.endings?.push(() => {
     inView.disconnect();
-    seen.removeAttribute('src'); // otherwise the browser goes on receiving the stream
+    seen.removeAttribute('src'); // otherwise the browser would keep receiving the stream
   });
   let turned = turn;
   const turnOn = async () => {

@@ -1,4 +1,4 @@
-// Shows on a class robot's page that the teacher has stopped it.
+// Shows on the page of a class's robot that the teacher has stopped the robot.
 
 import { register } from '../parts.js';
 

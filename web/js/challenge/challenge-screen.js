@@ -1,4 +1,4 @@
-// <challenge-screen>: the rules of the challenge, the tries, the best try, and a button to start one.
+// <challenge-screen>: the rules of the challenge, the tries, the best try, and a button to start a try.
 
 import { ask } from '../api.js';
 import { Screen } from '../components/screen.js';

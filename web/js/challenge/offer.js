@@ -6,15 +6,15 @@ import { t } from '../i18n.js';
 import { armTry, tellNow, tellTry } from './results.js';
 
 const LOOK_MS = 1500;
-const LOOKS_FIRST = 3; // number of looks before the offer, which would otherwise cover the message that the robot is ready
+const LOOKS_FIRST = 3; // number of checks before the offer, which would otherwise cover the message that the robot is ready
 
 /** @typedef {import('./results.js').Challenge} Challenge */
 
 /** @param {import('../page.js').Page} page @param {() => void} noteKnown  called when the pilot may know the challenge */
 export function offerChallenge(page, noteKnown) {
   let isOffered = false;
-  let readyFor = 0; // number of looks in a row at which the robot was ready
-  let hasLooked = false; // true once tries before this page was opened are known
+  let readyFor = 0; // number of checks in a row at which the robot was ready
+  let hasLooked = false; // true once the page knows the tries from before it was opened
   /** @type {Challenge | null} */
   let before = null;
   let said = '';

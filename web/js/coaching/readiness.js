@@ -1,7 +1,7 @@
 // Tells the pilot whether the robot is ready to drive by itself, and what is missing.
 // The robot itself decides whether it is ready (docs/reference/http.md).
 // This module asks the robot while the page is visible, and puts its answers into sentences.
-// A request costs little: its answer has no pictures, and it is sent only while something changes.
+// A request costs little: its answer contains no pictures, and requests are sent only while something changes.
 
 import { ask } from '../api.js';
 import { percent, t } from '../i18n.js';

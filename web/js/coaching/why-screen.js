@@ -57,7 +57,7 @@ export class WhyScreen extends Screen {
   }
 }
 
-/** @param {Why} why @param {string} main  the move for which its image was mainly taught */
+/** @param {Why} why @param {string} main  the move that has the most votes in the image */
 function sentence({ action, novelty }, main) {
   if (!action) return t('why.nothing');
   const values = { move: t(`move.${action}`), image: t(`move.${main}`) };

@@ -2,7 +2,7 @@
 //
 // Each finger is tracked separately and may slide from one direction to another.
 // A finger that slides off the pad lets go.
-// After a stop, a call or a turned screen, the pilot must lift a finger and press again; a small movement of the finger is not enough.
+// After a stop, a phone call or a rotation of the screen, the pilot must lift a finger and press again; a small movement of the finger is not enough.
 
 import { append, fill, h, hasLetGo, icon } from '../dom.js';
 import { t } from '../i18n.js';
@@ -21,7 +21,7 @@ export class DrivePad extends HTMLElement {
   fingers = new Set();
   /** @type {number | null} the finger that activates tilt */
   tilting = null;
-  /** @type {import('../inputs/tilt.js').Tilt | null} loaded by people who use tilt */
+  /** @type {import('../inputs/tilt.js').Tilt | null} loaded only if tilt is used */
   tilt = null;
 
   /** @param {import('../page.js').Page} page */

@@ -1,4 +1,4 @@
-// <mode-bar>: the buttons "Stop", "Teach" and "Drive itself"; the button to press now is lit.
+// <mode-bar>: the buttons "Stop", "Teach" and "Drive itself"; the button to press now is highlighted.
 //
 // A button that becomes disabled keeps the focus.
 // Arrow keys move the focus, as in any group of choices, but do not choose a mode, so that no robot starts by accident.

@@ -12,9 +12,9 @@ import { makeNeedle, turnNeedle } from '../needle.js';
 const OLD_PICTURE_MS = 200;
 const FROZEN_MS = 1000;
 const LIKE_MS = 500;
-const TWO_LINES_PX = 55; // height of the text above the bars if it has two lines, as while the robot asks for help
+const TWO_LINES_PX = 55; // height of the text above the bars if it has two lines, for example while the robot asks for help
 const SMALL_PX = 300;
-const WORKER_MS = 3000; // time after which a worker that has not started is given up
+const WORKER_MS = 3000; // a worker that has not started within this time is given up
 
 export class VideoView extends HTMLElement {
   drawnMs = 0;

@@ -1,6 +1,6 @@
 // A game controller: the cross or the left stick drives, the second button (B, circle) stops.
 // If the robot accepts proportional steering, the stick steers, and a pulled trigger sets the throttle.
-// If the browser does not know a pad's layout, the pad drives after a person has shown its directions.
+// If the browser does not know a pad's layout, the pad can drive only after a person has shown its directions.
 // Of several pads, the one that was touched last drives.
 
 import { REST, beyond, fromStick } from '../points.js';
@@ -43,10 +43,10 @@ export function readStick({ buttons, axes: [x = 0, y = 0] }, reach) {
 
 /** True if the browser does not know this pad's layout. @param {{mapping?: string}} pad */
 const isUnknown = ({ mapping }) => mapping === '';
-/** How long a stick may be off its middle from the start before the page reports it, in milliseconds. */
+/** How long after connecting a stick may be off its middle before the page reports it, in milliseconds. */
 export const UNRESTED_MS = 2000;
 
-/** Age of the last look at the pads above which a heartbeat looks again, in milliseconds. */
+/** If the pads were last read longer ago than this, a heartbeat reads them again, in milliseconds. */
 const UNDRAWN_MS = 50;
 
 /** A pad's name for people, without the numbers that browsers add. @param {string} id */

@@ -33,7 +33,7 @@ export const isEnter = (event) => ENTERS.includes(nameOf(event));
 /** @param {Key} event @returns {string} empty for a key without a position */
 export const placeOf = ({ code }) => (code && code !== 'Unidentified' ? code : '');
 
-/** The kind of a stop key, or null for another key. In a text field `space` writes, and `unnamed` may write. @param {Key} event @returns {'space' | 'unnamed' | 'named' | null} */
+/** The kind of a stop key, or null for another key. In a text field, a `space` key types a space, and an `unnamed` key may type something. @param {Key} event @returns {'space' | 'unnamed' | 'named' | null} */
 export function stopOf(event) {
   const [place, name] = [placeOf(event), nameOf(event)];
   if (!place && !name) return 'unnamed'; // count it as a stop key, because it may be one

@@ -75,8 +75,8 @@ export class KeyRamp {
 
 /**
  * Detects that a key was released without an event: browsers send none while a screenshot is taken, or with some
- * window managers. A key that repeated and fell silent counts as released. The older keys of a chord do not repeat
- * any more; they count as released some time after the newest key came up.
+ * window managers. A key that repeated and fell silent counts as released. The older keys of a chord do not repeat;
+ * they count as released some time after the newest key was released.
  */
 class Silence {
   /** @param {() => void} letGo */

@@ -1,6 +1,6 @@
 // Decides which inputs of a game pad count.
-// An axis, a trigger or a button counts once it was seen at rest.
-// So a pedal that rests at one end, a worn stick, or a throttle that nobody has touched does not drive the robot.
+// An axis, a trigger or a button counts once it has been seen at rest.
+// Therefore a pedal that rests at one end, a worn stick, or a throttle that nobody has touched does not drive the robot.
 // Pure.
 
 import { REST } from '../points.js';
@@ -78,7 +78,7 @@ export class RestedPad {
 }
 
 /**
- * Finds the input of each direction: a person pushes and releases each. An input's value after the release is
+ * Finds the input of each direction: a person pushes and releases each direction once. An input's value after the release is
  * its rest; the browser's values before the first report are ignored.
  */
 export class PadChoice {

@@ -13,7 +13,7 @@ const isText = (target) => target?.isContentEditable || target?.matches?.('texta
  * @param {object} page
  * @param {() => void} page.stop
  * @param {() => boolean} page.mayMove  true in case of doubt
- * @param {() => boolean} [page.isDriving]  true if the picture is on the screen, so that nobody writes
+ * @param {() => boolean} [page.isDriving]  true if the picture is on the screen, so that nobody is typing
  */
 export function listenForStop({ stop, mayMove, isDriving = () => false }) {
   /** True while a key that stopped the robot is still down. */

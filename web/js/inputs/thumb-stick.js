@@ -1,6 +1,6 @@
 // A thumb stick for proportional steering.
 // The base of the stick does not move.
-// The stick is released like a key: when the finger is lifted, is cancelled by the browser, or leaves the stick.
+// The stick is released when the finger is lifted or leaves the stick, or when the browser cancels the touch.
 // A change of the window's size, for example when the screen is turned, also releases the stick,
 // because the stick would then point in a direction in which nobody has pushed it.
 

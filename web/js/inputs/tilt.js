@@ -86,7 +86,7 @@ export class Tilt {
   }
 
   letGo() {
-    // Ask again, because an iPhone asks the person on each visit, and only when a finger is lifted.
+    // Ask again, because an iPhone asks for permission on each visit, and only when a finger is lifted.
     if (!this.zero) Tilt.allow();
     this.move = null;
     clearTimeout(this.silence);

@@ -12,7 +12,7 @@ import { sectionsOf } from '../parts.js';
  *   taught: Record<string, number>, lessons: number, nodes: number}} Model
  */
 
-/** A new model can begin like an earlier model that has at least this number of examples. */
+/** A new model can begin with the weights of earlier models that have at least this number of examples. */
 const ENOUGH = 300;
 const MOST = 8;
 
@@ -98,7 +98,7 @@ export class HomeScreen extends Screen {
 
   /**
    * Change the models, then show the new list. The message comes after the new list, because a person who
-   * has read it may touch the list immediately. @param {() => Promise<any>} act
+   * has read the message may touch the list immediately. @param {() => Promise<any>} act
    */
   async act(act) {
     const answer = await this.attempt(act);
@@ -106,7 +106,7 @@ export class HomeScreen extends Screen {
     return answer;
   }
 
-  /** @returns {string[]} the names of the last models that have enough examples to begin like them */
+  /** @returns {string[]} the names of the last models with whose weights a new model can begin */
   earlier() {
     const current = this.known?.find((model) => model.current);
     const isAlike = (/** @type {Model} */ model) => model.readable && model.lessons >= ENOUGH &&

@@ -22,7 +22,7 @@ const FARTHEST_M = 2;
 const LEAST_MS = 80; // minimum time between two pictures while playing, so that every phone can keep up
 const [MOST_FRAMES, FEW_FRAMES] = [10_000, 500]; // if a recording has more than MOST_FRAMES, only FEW_FRAMES evenly spaced pictures are shown
 
-/** The address of a recording's timeline, or of its part between two pictures. Of a long timeline the robot returns only a sample. @param {string} path @param {number} frames @param {number[]} between */
+/** The address of a recording's timeline, or of its part between two pictures. If the timeline is long, the robot returns only a sample of it. @param {string} path @param {number} frames @param {number[]} between */
 export const timelineOf = (path, frames, between = []) =>
   `${path}/timeline?count=${frames > MOST_FRAMES ? FEW_FRAMES : MOST_FRAMES}${between.length ? `&first=${between[0]}&last=${between[1]}` : ''}`;
 

@@ -17,7 +17,7 @@ export class Recordings {
   shelf = [];
   /** Number of requests for the list. If two requests are under way, only the answer to the newer one is shown. */
   listing = 0;
-  /** @type {Set<string>} recordings to fetch, delete or teach again from */
+  /** @type {Set<string>} selected recordings, to download, to delete or to teach again from */
   ticked = new Set();
   /** @type {string | null} the recording whose card is open */
   openEpisode = null;

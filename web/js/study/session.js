@@ -1,11 +1,11 @@
-// Shows the current session on the page, by the part of the state named `lead` (web/js/store.js).
+// Shows the current session on the page by setting `lead` in the page's state (web/js/store.js).
 
 import { ask, inOrder } from '../api.js';
 
 const EVERY_MS = 1000;
 
 /**
- * A session; a pilot gets further fields: docs/reference/http.md.
+ * A session; a pilot gets further fields (docs/reference/http.md).
  * @typedef {{step: string, position: number, of: number, kind: string | null, mode: string | null, left_s: number}} Session
  */
 
