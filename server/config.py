@@ -72,5 +72,5 @@ def _find_web() -> Path:
         if (folder / "index.html").is_file():
             return folder
     raise ConfigurationError(
-        f"the page's files are missing beside {here}; install drivelesson again"
+        f"the page's files were not found next to {here}; reinstall drivelesson"
     )

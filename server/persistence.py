@@ -156,7 +156,7 @@ class Persistence(StartStop):
     def _recover(self) -> None:
         self.models.retry_damaged()
         if self.models.set_failed_aside():
-            return  # the journal would restore the model whose learner has failed
+            return  # otherwise the journal would restore the model whose learner has failed
         recovered = recover(self.storage.journal, self.models, self._loop.history.declared)
         if recovered is not None:
             try_model(recovered.model)

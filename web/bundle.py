@@ -93,7 +93,7 @@ class _Joiner:
         return address
 
     def messages(self, name: str) -> str:
-        """Return a language's sentences, the core's and those of the extensions.
+        """Return a language's sentences for the core and for the extensions.
 
         Sentences that the language lacks are in English, so the page needs only this file.
         """

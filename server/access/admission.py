@@ -129,7 +129,7 @@ class ConnectionLimiter:
                 del self._of[place.person]
 
     def is_at_limit(self, session: Session) -> bool:
-        """True if a person's next connection can only evict another of that person's."""
+        """True if a person's next connection must evict one of that person's connections."""
         return not session.is_crowd and len(self._of.get(session.name, ())) >= self._each
 
     @property

@@ -69,7 +69,7 @@ class Board:
         self._tasks: list[asyncio.Task[None]] = []
         self._onlookers: list[BoardViewer] = []
         self.at_leisure = asyncio.Event()
-        """Cleared from the press of STOP until the stop is confirmed or reported as failed.
+        """Cleared when STOP is pressed, until the stop is confirmed or reported as failed.
 
         While it is cleared, the board sends no pictures or news, so that the stop is not delayed.
         """
@@ -207,7 +207,7 @@ class Board:
         return robot.stop.stage is Stopping.ASKED and self._successor(robot) is None
 
     def _recognise(self) -> None:
-        """Give each robot that has moved the card and the stop of its old link."""
+        """If a robot has moved, give its new link the card and the stop of its old link."""
         for old in list(self.robots.values()):
             new = self._successor(old)
             if new is None:

@@ -1,4 +1,4 @@
-"""Copies a model from one robot to other robots; they check it like any uploaded file."""
+"""Copies a model from one robot to other robots, which check it like any uploaded file."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ class RobotLink:
 
     @property
     def id(self) -> str | None:
-        """The robot's id, which stays the same under another address; None if it is not known."""
+        """The robot's id, which stays the same if its address changes; None if it is not known."""
         return self._text("id")
 
     @property

@@ -27,8 +27,8 @@ each minute."""
 _MOST, _SHOWN = 4096, 30
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 300.0
 _RETRIED_S = 16.0
-"""Longest pause before a robot that does not answer is asked again without a new announcement, in
-seconds. A robot is announced some seconds before its server answers."""
+"""Longest pause, in seconds, after which a robot that did not answer is asked again although it was
+not announced again. A robot is announced some seconds before its server answers."""
 
 
 @dataclass(slots=True)

@@ -50,7 +50,7 @@ class Lease:
         self._renewed_s = now_s
 
     def give_up(self, client: str, now_s: float) -> bool:
-        """Take the wheel from a client that yields or has disconnected, and give it to the next.
+        """Take the wheel from a client that yields or has disconnected; the next client gets it.
 
         Return False if the client was not the owner. A client that was waiting stops waiting.
         """

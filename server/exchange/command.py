@@ -41,15 +41,15 @@ EXPORTS: dict[str, tuple[Callable[..., int], str, tuple[str, ...]]] = {
     "npz": (write_npz, "examples", ()),
     "film": (write_look, "pictures", ("fps",)),
 }
-"""The export formats. Each has the function that writes it, a noun for what the function counts,
-and its options."""
+"""The export formats. For each: the function that writes it, a noun for what the function counts,
+and the options."""
 FLAGS = {"fps": "--fps", "taught_only": "--all", "task": "--task", "plain": "--plain"}
 TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
     "film": lambda _: True,
     "lerobot": lambda moment: not moment.is_deleted,
     "npz": is_example,
 }
-"""Export formats for which irregular times are repaired. A format's function returns True for each
+"""Export formats for which irregular timestamps are repaired. A format's function returns True for each
 picture that it exports."""
 
 

@@ -3,7 +3,7 @@
 With ASGI, each frame to a viewer costs two task switches, and uvicorn pauses reading for each
 acknowledgement of a frame. The fast path avoids these costs; `drivelesson bench link` measures them
 with 16 viewers and 30 frames a second. The fast path also reads short messages, such as
-acknowledgements and commands, without the parser of the library websockets. If uvicorn is too old
+acknowledgements and commands, without the parser of the `websockets` library. If uvicorn is too old
 for sans-I/O websockets, frames go through ASGI with the same behaviour.
 """
 

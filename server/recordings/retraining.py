@@ -148,7 +148,7 @@ def retrain(
     learner: str,
     wall_s: float,
 ) -> None:
-    """Compare learners on the recordings, then train an empty one on all of them.
+    """Compare learners on the recordings, then train an empty learner on all recordings.
 
     `tell` is called with the share of the work that is done, and at the end with the result.
     """

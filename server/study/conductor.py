@@ -174,7 +174,7 @@ class Conductor(StartStop):
             if not free:
                 raise ConfigurationError(
                     f"all {plan.participants} places of the study are taken; withdraw a "
-                    "participant, or plan more places"
+                    "participant, or create a study with more places"
                 )
             session = StudySession(plan, participant, free[0])
         session.pace = self.pace

@@ -119,7 +119,7 @@ export function figures(robot) {
   for (const [what, values] of Object.entries(robot.shown ?? {})) found.push(t(`board.shown.${what}`, plain(values)));
   if (robot.battery !== null) found.push(t('board.battery', { share: percent(robot.battery) }));
   const isHere = /^https?:\/\/(127\.|localhost|\[::1\])/.test(robot.page);
-  const isSlow = robot.mode !== 'stopped' && robot.link && robot.link !== 'good'; // a slow link does not matter while the robot stands
+  const isSlow = robot.mode !== 'stopped' && robot.link && robot.link !== 'good'; // a slow link does not matter while the robot stands still
   if (robot.mode !== 'stopped' && robot.busy || (isHere && isSlow)) found.push(t('board.busy'));
   else if (isSlow) found.push(t('board.link_slow'));
   if (robot.delay_ms !== null) found.push(t('board.delay', { ms: Math.round(robot.delay_ms) }));

@@ -15,7 +15,7 @@ const FEW_EXAMPLES = 60;
 const USED_SHARE = 0.03; // a move with a smaller share of the examples counts as a slip of the thumb
 
 /**
- * The moves that this pilot uses: all that were taught, without slips of the thumb.
+ * The moves that this pilot uses: all moves that were taught, except slips of the thumb.
  * @param {Record<string, number>} taught
  * @returns {string[]}
  */

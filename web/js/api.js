@@ -24,11 +24,11 @@ export const STOPPING_MS = 3000;
 /** Time that a websocket has to confirm a STOP before HTTP requests are sent, and the pause after a failed request. */
 export const STOP_MS = 300;
 
-/** Event of the window that reports that the robot has obeyed a request but could not save the result. */
+/** Event of the window that reports that the robot has carried out a request but could not save the result. */
 export const NOT_KEPT = 'not-kept';
 
 /**
- * Send a request. Throws Refused if the robot refuses, and TypeError without a complete answer.
+ * Send a request. Throws Refused if the robot refuses, and TypeError if there is no complete answer.
  * @param {string} method
  * @param {string} path
  * @param {unknown} [body]  a Blob is sent unchanged, anything else as JSON

@@ -16,7 +16,7 @@ const IDLE_BEATS = 5; // an idle page sends only every fifth heartbeat, which is
 /** @typedef {import('./points.js').Point} Point */
 /** @typedef {{move: string | null, point: Point | null}} Hold  move is null if a thumb touches a stick without pushing it */
 
-/** Events: `held` when the held move changes, `freed` when everything was released and must be pressed again, `refused` when a move is pressed that the robot cannot make now, for example because it is stopped. */
+/** Events: `held` when the held move changes, `freed` when everything was released and must be pressed again, `refused` when a move is pressed while the robot is stopped or another client has the wheel. */
 export class Helm extends EventTarget {
   /**
    * @param {{send: (text: string) => boolean, nextSeq: () => number}} connection

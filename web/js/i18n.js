@@ -18,7 +18,7 @@ export const language = pickLanguage(globalThis.navigator?.languages ?? [], memo
 /** @typedef {(code: string) => Promise<{default: Record<string, string>}>} Load  a message file */
 
 /**
- * Load the language. A sentence or an extension that lacks the language is shown in English. In a joined page each
+ * Load the language. A sentence or an extension that lacks the language is shown in English. In a joined page, each
  * language's file is complete, so that English is not loaded too.
  * @param {Load[]} [more]  of extensions @param {Load} [load]
  */

@@ -7,7 +7,7 @@ import { pointOf } from './moves.js';
 
 /** Share of a stick's travel up to which the stick counts as at rest. */
 export const REST = 0.15;
-const ASIDE = 0.06; // share of the travel to the side up to which the stick points straight on
+const ASIDE = 0.06; // a stick that is pushed to the side by less than this share of its travel points straight ahead
 const BACK_DEG = 115; // the robot reverses beyond this angle from straight ahead; it is so large that a stick pushed to the side never reverses
 const TURNS_BEYOND = 0.2;
 

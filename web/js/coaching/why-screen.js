@@ -11,7 +11,7 @@ import { Screen } from '../components/screen.js';
 
 const REFRESH_MS = 500;
 const DARKEST = 0.55; // opacity of the dark areas, in which the two pictures differ
-const MARKED = 0.5; // an area is framed if its likeness is at least this share of the greatest likeness
+const MARKED = 0.5; // an area is framed if its similarity is at least this share of the greatest similarity
 const [WIDTH, HEIGHT] = [40, 30];
 
 /**

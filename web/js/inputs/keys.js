@@ -1,6 +1,6 @@
 // Which move each key stands for, and which keys are held down (key-name.js identifies keys and stop keys).
 //
-// Letters and digits count by their position, so that all layouts drive alike.
+// Letters and digits count by their position, so that driving is the same with all keyboard layouts.
 // Arrows also count by their name, whatever their position.
 
 import { nameOf, placeOf } from './key-name.js';

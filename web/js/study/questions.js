@@ -1,6 +1,6 @@
 // Shows the questions after a part of a study.
 // The questions use native radios, sliders and fields, so that keyboards and screen readers work.
-// Each answer is sent immediately, so a reload loses none.
+// Each answer is sent immediately, so that a reload of the page loses no answer.
 
 import { ask } from '../api.js';
 import { h, say } from '../dom.js';

@@ -95,7 +95,7 @@ export class StudyScreen extends Screen {
       ...(study ? this.study(study) : []), this.creation(!names.length));
   }
 
-  /** The paper's trial of one person, ready to begin. */
+  /** The form that begins the paper's trial of one person. */
   trial() {
     const hint = h('p', { class: 'hint' });
     const chosen = { trial: 1, teach_s: 90 };
