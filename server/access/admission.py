@@ -46,7 +46,7 @@ _SELDOM_S = 1.0
 def address_key(address: str) -> str:
     """Return the key under which the connections from an address are counted.
 
-    For IPv6 the key is the address's /64 network, because one host may own all of its addresses.
+    For IPv6, the key is the address's /64 network, because one host may own all of its addresses.
     """
     ip = as_address(address.partition("%")[0])
     if isinstance(ip, ipaddress.IPv6Address):

@@ -49,8 +49,8 @@ TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
     "lerobot": lambda moment: not moment.is_deleted,
     "npz": is_example,
 }
-"""Export formats for which irregular timestamps are repaired. A format's function returns True for each
-picture that it exports."""
+"""Export formats for which irregular timestamps are repaired. A format's function returns True
+for each picture that it exports."""
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:

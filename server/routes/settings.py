@@ -108,7 +108,7 @@ async def change_settings(request: Request, body: SettingsChange) -> ChangeAnswe
     loop = services.robot.loop
     given = {"name": body.name, "colour": body.colour}
     named = {field: value for field, value in given.items() if value is not None}
-    replace(services.identity.now, **named)  # raises an error before anything changes if a value is invalid
+    replace(services.identity.now, **named)  # raises before anything changes if invalid
     is_kept = True
     if body.max_nodes is not None or body.moves is not None:
         require_free_model(request)

@@ -176,7 +176,7 @@ def download_study(request: Request, name: str) -> Response:
 
 @router.get("/studies/{name}/sessions/{participant}", dependencies=[PILOT])
 def show_outcomes(request: Request, name: str, participant: str) -> dict[str, Any]:
-    """Return for each condition how similarly the participant and the robot have driven."""
+    """Return, for each condition, how similarly the participant and the robot have driven."""
     return {"conditions": _conductor(request).folder.outcomes(name, participant)}
 
 

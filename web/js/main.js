@@ -47,7 +47,7 @@ async function start() {
   new Router(page).start();
   listenForStop({ stop: () => page.stop(), isDriving: () => page.isDriving(), mayMove: () => page.helm.mayBeMoving });
   // On a computer, the page waits for the keyboard's code.
-  // Few phones have a keyboard, so there the code is loaded after the first picture.
+  // Few phones have a keyboard, so a phone loads this code after the first picture.
   if (store.state.hasKeys) await persist(() => listen(page));
   const way = new WayFinder({
     askState: () => ask('GET', 'api/state', undefined, WHY_MS),

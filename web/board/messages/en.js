@@ -14,7 +14,7 @@ export default {
   'board.stopping': 'Stopping …',
   'board.not_reached': 'NOT STOPPED',
   'board.strangers': 'On the network, but not in this class: {n}',
-  'board.missed': 'Cannot reach {names}. Stop them by hand! Once they answer, they stop by themselves.',
+  'board.missed': 'Cannot reach {names}. Stop them by hand! They stop once the board reaches them.',
   'board.board_away': 'The board’s program does not answer. What you see is out of date. Stop robots by hand or on their phones.',
   'board.views': 'What to show',
   'board.view.pictures': 'Pictures',
