@@ -40,7 +40,7 @@ def test_the_command_gives_an_order_to_the_board_or_fails_with_one_sentence():
             give_order("undo", port)
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))
-        with pytest.raises(NotConnectedError, match=r"no board answers at .* name its port"):
+        with pytest.raises(NotConnectedError, match=r"no board answers at .* give its port"):
             give_order("keep", nobody.getsockname()[1])
 
 

@@ -41,7 +41,7 @@ def test_a_condition_can_be_begun_anew(server):
 def test_the_place_of_a_real_robot_is_confirmed_and_that_of_a_simulated_one_checked(server):
     begin(server)
     said = refused(server, "/api/session/drive")
-    assert "confirm that the robot stands in the place 'kitchen'" in said
+    assert "confirm that the robot is in the place 'kitchen'" in said
     assert session(server)["needs_confirmation"]
     simulation = SimpleNamespace(world=SimpleNamespace(name="office"))
     server.driver.simulation = simulation
@@ -144,7 +144,7 @@ def test_a_world_that_is_only_a_file_is_known_by_its_file_and_by_its_name(tmp_pa
 
     for place in ("room", str(file), str(tmp_path / "other" / ".." / "room.toml")):
         check_body(here, driven_in(place))
-        with pytest.raises(ConfigurationError, match="start the robot with --world and its TOML"):
+        with pytest.raises(ConfigurationError, match="--world and the world's TOML file"):
             check_body(elsewhere, driven_in(place))
     for place in ("roam", str(tmp_path / "other" / "room.toml")):
         with pytest.raises(ConfigurationError, match="this place is not offered under Settings"):
