@@ -37,7 +37,7 @@ def test_the_map_in_the_documents_shows_every_folder_in_its_layer(package: str) 
     }
     page = (ROOT / "docs/explanation/architecture.md").read_text("utf-8")
     found = re.search(rf"```layers {package}\n(.*?)```", page, re.DOTALL)
-    assert found, f"the page has no map of {package}"
+    assert found, f"architecture.md has no map of the layers of {package}"
     lines = [line.split("  ")[0] for line in found[1].splitlines() if line.strip()]
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     [layers] = [
@@ -120,4 +120,4 @@ def test_no_measured_time_is_compared_with_less_than_five_seconds() -> None:
         if any(clock in (source := path.read_text("utf-8")) for clock in CLOCKS)
         for fault in hasty(source)
     ]
-    assert faults == [], "speed is for `drivelesson bench`: it reports, and judges nothing"
+    assert faults == [], "no test may judge speed: `drivelesson bench` measures it"

@@ -215,7 +215,7 @@ CASES: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
 
 @pytest.fixture(params=own_plugins(CAMERAS))
 def camera_case(request: pytest.FixtureRequest) -> Iterator[CameraCase]:
-    assert request.param in CASES, f"say above how to build {request.param!r}"
+    assert request.param in CASES, f"CASES has no case for the camera {request.param!r}"
     with CASES[request.param]() as built:
         yield built
         built.camera.stop()

@@ -116,7 +116,7 @@ def test_every_marker_of_a_number_is_closed_and_never_begins_a_line() -> None:
     for page in PAGES:
         text = page.read_text("utf-8")
         assert not re.search("^<!--=", text, re.M), page
-        assert text.count("<!--=") == len(values.names(text)), f"not closed or misspelt: {page}"
+        assert text.count("<!--=") == len(values.names(text)), f"malformed marker: {page}"
 
 
 IMAGES = ROOT / "docs/images"
@@ -131,7 +131,7 @@ def test_every_picture_is_shown_and_every_shown_picture_exists() -> None:
         )
     }
     assert shown == set(IMAGES.iterdir())
-    assert sum(path.stat().st_size for path in shown) < 5_000_000, "pictures stay small"
+    assert sum(path.stat().st_size for path in shown) < 5_000_000, "the pictures are too large"
 
 
 def test_the_drawn_terminals_are_those_of_the_code() -> None:

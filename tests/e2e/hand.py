@@ -77,7 +77,7 @@ def teach(
     held: str | None = None
     deadline_s = time.monotonic() + 100
     while world.lessons < lessons and not until():
-        assert time.monotonic() < deadline_s, f"only {world.lessons} lessons came through"
+        assert time.monotonic() < deadline_s, f"the robot has learned only {world.lessons} examples"
         if world.mode is Mode.STOPPED:  # the machine was busy and late, so the robot stopped
             if held:
                 fingers.lift()
@@ -134,7 +134,7 @@ def choose(page: Any, world: World, mode: Mode) -> None:
     shown = page.locator(f"mode-bar [data-mode={mode.value}][aria-checked=true]")
     deadline_s = time.monotonic() + 40.0
     while not (world.mode is mode and shown.count()):
-        assert time.monotonic() < deadline_s, f"does not stay in {mode.value}: {world}"
+        assert time.monotonic() < deadline_s, f"the robot does not stay in {mode.value}: {world}"
         if world.mode is not mode and button.is_enabled():
             button.click()
         # the robot was stopped at once, or the request was late
@@ -161,7 +161,7 @@ def press_until(
     held_nothing = 0
     while not done():
         assert time.monotonic() < deadline_s, (
-            f"not done in {within_s} s: {world}; the page holds {_held(page)}"
+            f"not done in {within_s} s: {world}; {_held(page)} is held"
         )
         held_nothing = 0 if _held(page) is not None else held_nothing + 1
         if world.mode is Mode.STOPPED or held_nothing > _LET_GO:
@@ -188,7 +188,7 @@ def drive_on(page: Any, world: World, *, until: Callable[[], bool], within_s: fl
     """Have the robot drive itself, again after each stop, like a patient person."""
     deadline_s = time.monotonic() + within_s
     while not until():
-        assert time.monotonic() < deadline_s, f"not done in {within_s} s"
+        assert time.monotonic() < deadline_s, f"the condition does not hold within {within_s} s"
         if world.mode is Mode.STOPPED:
             page.locator("mode-bar [data-mode=autonomous]").click()
             time.sleep(0.3)
@@ -217,5 +217,5 @@ def wait_until_standing(world: World, within_s: float = 30.0) -> None:
         now_s, now = time.monotonic(), world.pose
         if now != pose:
             pose, moved_s = now, now_s
-        assert now_s - since_s < within_s, f"still moving after {within_s} s"
+        assert now_s - since_s < within_s, f"the robot still moves after {within_s} s"
     print(f"stood after {moved_s - since_s:.3f} s")

@@ -54,7 +54,7 @@ def test_the_page_its_websockets_and_stop_work_behind_a_proxy(
         for address, (_, pairing) in zip(addresses, robots, strict=True):
             page = context.new_page()
             page.goto(f"{address}/")
-            assert page.url.startswith(f"{address}/pair"), "a stranger is led to the pairing page"
+            assert page.url.startswith(f"{address}/pair"), "an unpaired browser is redirected"
             page.goto(f"{address}/pair#{pairing.tokens[Role.PILOT]}")
             page.wait_for_url(f"{address}/")
             pages.append(page)
@@ -86,7 +86,7 @@ def test_scanning_the_code_pairs_the_browser(tmp_path: Path, chromium: Any) -> N
         complaints: list[str] = []
         page.on("console", lambda m: complaints.append(m.text) if m.type == "error" else None)
         page.goto(server.address)
-        assert page.url.endswith("/pair"), "a stranger is led to the pairing page"
+        assert page.url.endswith("/pair"), "an unpaired browser is sent to the pairing page"
         page.fill("#token", "AAAA-AAAA-AAAA-AAAA")
         page.click("button")
         page.locator("#said", has_text="wrong").wait_for()

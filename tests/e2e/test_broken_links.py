@@ -68,7 +68,7 @@ def test_the_robot_stops_if_the_pages_main_thread_hangs(phone: Any, world: World
         if reason is StopReason.PILOT_SILENT:
             break
     phone.locator(".notice", has_text="lost contact with you").wait_for()
-    assert world.mode is Mode.STOPPED, "a page that wakes up does not go on by itself"
+    assert world.mode is Mode.STOPPED, "a page that wakes up does not start the robot again"
 
 
 def test_the_robot_stops_if_the_link_falls_silent_and_waits_when_it_is_back(
@@ -87,7 +87,7 @@ def test_the_robot_stops_if_the_link_falls_silent_and_waits_when_it_is_back(
     page.wait_for_selector("drive-pad.idle")
     page.wait_for_selector("[data-mode=train][aria-disabled=false]", timeout=40_000)
     page.wait_for_timeout(500)
-    assert world.mode is Mode.STOPPED, "the finger is still down, and nothing is replayed"
+    assert world.mode is Mode.STOPPED, "the finger is still down, but nothing is replayed"
     fingers.lift()
     drive(page, world).lift()
 
@@ -134,18 +134,18 @@ def test_a_second_tab_watches_requests_the_wheel_and_takes_over(
     others = Fingers(second)
     others.press(pad("forward"))
     second.wait_for_timeout(300)
-    assert world.action is not Action.FORWARD, "who watches cannot drive"
+    assert world.action is not Action.FORWARD, "a viewer cannot drive"
     others.lift()
     second.locator(".notice button").tap()
     phone.locator(".notice button", has_text="Hand over the wheel").wait_for()
     reason = world.rig.loop.state.decision.stop_reason
     is_slow = reason in (StopReason.LINK_SLOW, StopReason.FRAME_STALE)
-    assert world.action is Action.LEFT or is_slow, "asking stops nobody"
+    assert world.action is Action.LEFT or is_slow, "a request for the wheel does not stop the robot"
     fingers.lift()
     phone.locator(".notice button").tap()
     wait_until_free(second)
     second.locator(".notice", has_text="You have the wheel now").wait_for()
-    assert world.mode is Mode.STOPPED, "a change of hands stops the robot"
+    assert world.mode is Mode.STOPPED, "the robot stops when the wheel changes hands"
     second.locator("drive-pad .stop").tap()
     wait_until(lambda: world.rig.loop.state.emergency, "anybody may stop it")
     context.close()

@@ -49,12 +49,12 @@ def test_a_screen_reader_reads_a_class_robot_by_robot_and_axe_finds_no_fault(
         page.locator("button.stop").click()
         page.locator("#loud p").wait_for()
         assert page.get_by_role("alert").count() == 1
-        assert complaints(page) == [], "with a robot that was not reached"
+        assert complaints(page) == [], "the page is accessible when a STOP did not reach a robot"
         page.locator("[data-view=codes]").click()
         page.locator(".robot .code").nth(1).wait_for()
         assert page.get_by_role("img", name="QR code that pairs a phone with Bolt").count() == 1
         page.locator(".robot .acts button:last-child").first.click()
-        assert complaints(page) == [], "with codes and a robot's panel"
+        assert complaints(page) == [], "the open panel is accessible"
         context.close()
 
 
@@ -93,7 +93,7 @@ def test_the_board_renames_pairs_locks_copies_models_and_stops(
         sheet.goto(f"{school.address}/codes")
         card = sheet.locator("article", has_text="Zora")
         paper = scanned(card.locator("img.code"))
-        assert paper.split("#")[1] in card.inner_text().replace("-", ""), "it can also be typed"
+        assert paper.split("#")[1] in card.inner_text().replace("-", ""), "the sheet has the code"
         sheet.context.close()
         there = school.board.robot(2).page_address()
         assert there is not None and "/pair#" in there

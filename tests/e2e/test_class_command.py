@@ -21,7 +21,7 @@ def test_a_class_works_from_the_code_on_paper_to_ctrl_c(tmp_path: Path) -> None:
     with Class(tmp_path, ROBOTS) as running:
         for field in ("name", "colour", "address"):
             told = {robot[field] for robot in running.robots}
-            assert len(told) == ROBOTS, "each can be told apart"
+            assert len(told) == ROBOTS
         pupils = running.pupils()
         for pupil in pupils:
             pupil.drive_until(lambda pupil=pupil: pupil.state["lessons"] >= 10)
@@ -36,4 +36,4 @@ def test_a_class_works_from_the_code_on_paper_to_ctrl_c(tmp_path: Path) -> None:
             pupil.close()
         processes = descendants(running.process.pid)
         assert len(processes) >= ROBOTS
-    assert not [pid for pid in processes if Path(f"/proc/{pid}").exists()], "Ctrl-C leaves none"
+    assert not [pid for pid in processes if Path(f"/proc/{pid}").exists()], "a process is left"

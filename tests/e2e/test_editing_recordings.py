@@ -40,7 +40,7 @@ def test_a_recording_is_named_protected_cut_relabelled_and_split_on_the_page(
     open_recording(phone)
     for label in ("Time", "From", "To"):
         spoken = phone.get_by_label(label, exact=True).get_attribute("aria-valuetext")
-        assert spoken and " s" in spoken, f"{label} is read out in seconds, not in pictures"
+        assert spoken and " s" in spoken, f"a screen reader reads {label} in seconds"
     it_is_named_and_protected(phone, store, episode_id)
 
     def edit(text: str, edits: int) -> None:
@@ -116,7 +116,7 @@ def test_a_recording_plays_scrubs_and_steps_by_keyboard(rovers_phone: Any, shelf
     phone.get_by_role("button", name="Pause", exact=True).wait_for()
     phone.keyboard.press("Space")
     assert "You held: " in phone.locator(".player .seen .under").first.inner_text()
-    assert not shelf.rig.loop.state.emergency, "space played; it is the stop while the robot moves"
+    assert not shelf.rig.loop.state.emergency, "the space bar plays while the robot stands"
 
 
 def test_a_model_trained_from_recordings_is_compared_and_kept_or_dropped(

@@ -62,15 +62,15 @@ def test_axe_finds_nothing_on_any_screen_and_each_target_has_room_for_a_thumb(
     fingers = Fingers(page)
     hold_until(world, fingers, "left", lambda: world.lessons > 8)
     page.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
-    assert in_both_schemes(page) == [], "while driving"
+    assert in_both_schemes(page) == [], "the screen is accessible in training"
     fingers.lift()
     choose(page, world, Mode.AUTONOMOUS)
-    assert in_both_schemes(page) == [], "while it drives itself"
+    assert in_both_schemes(page) == [], "the screen is accessible while the robot drives by itself"
     page.locator("drive-pad .stop").click()
     page.locator(".notice button").wait_for()
-    assert in_both_schemes(page) == [], "after an emergency stop"
+    assert in_both_schemes(page) == [], "the screen is accessible after an emergency stop"
     page.locator("app-bar [aria-controls=menu]").click()
-    assert in_both_schemes(page) == [], "with the menu open"
+    assert in_both_schemes(page) == [], "the screen is accessible with the menu open"
     for screen in (*SCREENS[1:], "drive"):
         show(page, screen)
         opened = {"gallery": ".card", "home": ".model .quiet"}.get(screen)

@@ -99,7 +99,7 @@ def test_teach_drive_and_stop(name: str, world: World) -> None:
         for screen in ("gallery", "home", "settings"):
             page.evaluate(f"(location.hash = '{screen}', true)")
             until(page, f"document.querySelectorAll('{screen}-screen button').length > 0")
-        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "not too wide"
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
 def _choose(page: OtherBrowser, hand: Hand, world: World, mode: Mode) -> None:

@@ -84,7 +84,7 @@ def test_a_screen_that_opens_moves_nothing_that_it_shows(rovers_phone: Any, shel
         page.evaluate(HOLD)
         page.evaluate(f"location.hash = '{screen}'")
         page.wait_for_selector(f"{screen}-screen", state="attached")
-        assert answers(page, order), f"{screen}: nothing was shown at all"
+        assert answers(page, order), f"{screen}: nothing was shown"
         page.evaluate("letGo()")
 
 
@@ -104,7 +104,7 @@ def test_a_recording_opens_and_is_named_without_moving_a_button(
     page.get_by_label("Title", exact=True).fill("Round the table")
     page.locator("article").get_by_role("button", name="Save").tap()
     shown = answers(page, order, "More about Round the table")
-    assert "Leave this out" in shown, "the recording was closed"
+    assert "Leave this out" in shown, "the recording is still open"
     assert episodes.notes(episode_id).title == "Round the table"
     page.evaluate("letGo()")
 

@@ -157,7 +157,7 @@ def the_phases_are_driven(page: Any, world: World) -> None:
     teach(world, fingers, EXAMPLES)
     session.pace = FAST
     teach(world, fingers, 100_000, until=lambda: session.phase_index > 0)
-    assert page.locator("teach-panel strong").text_content() == "–", "while it counts"
+    assert page.locator("teach-panel strong").text_content() == "–", "a phase hides the agreement"
     session.pace = SLOW
     drive_on(page, world, until=lambda: session.step is SessionStep.QUESTIONS)
 

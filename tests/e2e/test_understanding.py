@@ -69,7 +69,7 @@ def test_the_page_shows_changes_and_undoes_what_was_taught(phone: Any, world: Wo
     what_the_pilot_says_of_the_teaching_counts_until_it_is_taken_back(phone, world)
     a_relabelled_image_changes_what_the_robot_would_do_there(phone, world)
     the_images_are_those_of_the_model_in_use(phone, world)
-    assert missing == [], "the page asked for something that is not there"
+    assert missing == [], "the page requested addresses that do not exist"
     a_model_is_renamed_copied_and_another_one_begun(phone, world)
     show(phone, "drive")
     teach(phone, world, "left", frames_each=8)

@@ -97,7 +97,7 @@ def test_enter_holds_a_focused_button_for_as_long_as_it_is_down(desktop: Any, wo
     up()
     wait_until(lambda: world.action is Action.STOP, "it is let go of")
     said = desktop.evaluate("said.filter(([held]) => !held)")
-    assert said[0] == [None, "keyup"], "held from the first press to the release"
+    assert said[0] == [None, "keyup"], "the move is held from the first press to the release"
     desktop.reload()  # the page shows its usual text
 
 
@@ -171,7 +171,7 @@ def test_every_way_of_letting_go_stops_the_robot(
             phone = None  # it was left
             continue
         said = phone.evaluate("said.filter(([held], i) => !held && (!i || said[i - 1][0]))")
-        assert said == [[None, event]], f"{name}: let go of once, at once, and held no more"
+        assert said == [[None, event]], f"{name}: the page lets go once and holds no more"
         phone.evaluate(SET_HIDDEN, False)
         if not fingers.are_lifted:
             what_is_still_held_must_be_held_anew(phone, world, fingers, by, name)
@@ -191,7 +191,7 @@ def what_is_still_held_must_be_held_anew(
         for at in ((0.1, 0.1), (0.0, 0.0), (-0.8, 0.1)):  # as a finger that lies on the button does
             fingers.slide(pad("left") if by == "moves" else stick(), at=at)
     phone.wait_for_timeout(200)
-    assert phone.evaluate("said.at(-1)[0]") is None, f"{name}: it is held without a new touch"
+    assert phone.evaluate("said.at(-1)[0]") is None, f"{name}: held without a new touch"
     assert world.action is Action.STOP, name
     fingers.cancel()
     phone.set_viewport_size(PHONE)
@@ -358,7 +358,7 @@ def test_arrows_move_between_modes_and_drive_nothing_and_space_keeps_the_focus(
     desktop.keyboard.press("Space")
     wait_until(lambda: world.rig.loop.state.emergency, "space stops wherever the focus is")
     desktop.wait_for_selector("mode-bar [data-mode=train][aria-disabled=true]")
-    assert desktop.evaluate(focused) == "autonomous", "the focus stays"
+    assert desktop.evaluate(focused) == "autonomous", "the focus does not move"
 
 
 def test_space_stops_a_robot_that_may_move_though_a_control_that_uses_it_has_the_focus(

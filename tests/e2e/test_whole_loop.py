@@ -67,7 +67,7 @@ def test_teach_drive_correct_and_stop_in_the_simulator(phone: Any, world: World)
     )
     assert world.pose != start, "the pilot's finger drove the robot"
     choose(phone, world, Mode.STOPPED)
-    assert learned(world) >= 0.75, "it proposes what it was taught"
+    assert learned(world) >= 0.75, "the robot proposes the moves that it was taught"
     shown = world.rig.loop.state.agreement
     assert shown is not None
     wait_until(lambda: abs(agreement(phone) - 100 * shown) <= 1, "the page shows the agreement")
@@ -82,7 +82,7 @@ def test_teach_drive_correct_and_stop_in_the_simulator(phone: Any, world: World)
     fingers.press(pad("right"))
     phone.wait_for_selector("video-view[data-by=pilot]")
     wait_until(lambda: world.action is Action.RIGHT, "the touch takes the wheel")
-    assert turned_rad(world, 0.6) < -0.02, "it turns right, as the finger says"
+    assert turned_rad(world, 0.6) < -0.02, "the robot turns right, as the finger says"
     wait_until(lambda: world.lessons > lessons, "the touch is a lesson")
 
     fingers.lift()
@@ -94,14 +94,14 @@ def test_teach_drive_correct_and_stop_in_the_simulator(phone: Any, world: World)
         phone.locator(f"drive-map {drawn}").first.wait_for(state="attached")
     phone.locator(".like").tap()
     phone.locator("why-screen .alike image").nth(1).wait_for(state="attached")
-    assert world.mode is Mode.AUTONOMOUS, "asking why does not stop it"
+    assert world.mode is Mode.AUTONOMOUS, "the robot drives on while the page explains a move"
     phone.locator("app-bar .back").tap()
     phone.wait_for_selector("video-view[data-by=robot]")
 
     choose(phone, world, Mode.STOPPED)
     here = world.pose
     phone.wait_for_timeout(300)
-    assert world.pose == here, "stopped is stopped"
+    assert world.pose == here, "a stopped robot does not move"
     an_emergency_stop_is_latched_until_it_is_released(phone, world, fingers)
 
 
@@ -116,9 +116,9 @@ def an_emergency_stop_is_latched_until_it_is_released(
     fingers.lift()
     phone.locator(".notice button").tap()
     wait_until(lambda: not world.rig.loop.state.emergency, "released")
-    assert world.mode is Mode.STOPPED, "it waits for an explicit start"
+    assert world.mode is Mode.STOPPED, "the robot waits for an explicit start"
     here = world.pose
     phone.wait_for_timeout(500)
-    assert world.pose == here, "released, it goes on standing"
-    assert not world.rig.loop.state.emergency, "released, it is not stopped again"
+    assert world.pose == here, "after the release, the robot still stands"
+    assert not world.rig.loop.state.emergency, "after the release, no further STOP arrives"
     choose(phone, world, Mode.TRAIN)

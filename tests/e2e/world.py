@@ -67,7 +67,7 @@ class World:
     @property
     def pose(self) -> Pose:
         pose = self.rig.driver.sense().pose
-        assert pose is not None, "only a simulated robot knows where it is"
+        assert pose is not None, "only a simulated robot knows its pose"
         return pose
 
     @property

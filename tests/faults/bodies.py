@@ -271,7 +271,7 @@ def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = Fals
                 meant = choose()
             send(meant, chance.uniform(0.2, 1.0))
             has_moved = pass_time(body, chance.uniform(0.0, 0.1)) or has_moved
-        assert has_moved, "it never moved"
+        assert has_moved, "the body never moved"
         body.slow_down(chance.uniform(0.08, 1.2))
         send(meant)
         dict(zip(FAULTS, (body.lose, body.hang_up, body.freeze), strict=True))[fault]()

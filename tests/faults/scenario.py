@@ -117,8 +117,8 @@ class FaultWorld(ServedWorld):
         fault.end(self)
         moved_s = self.driver.moved_s
         await self.forward(_WATCHED_S)
-        assert self.stands() and self.driver.moved_s == moved_s, f"{what}: moves by itself"
-        assert self.mode is Mode.STOPPED, f"{what}: starts by itself"
+        assert self.stands() and self.driver.moved_s == moved_s, f"{what}: the robot moves again"
+        assert self.mode is Mode.STOPPED, f"{what}: the robot starts by itself"
         return Outcome(stood_after_s=took_s, reason=reason)
 
     async def live_through_many(self, plan: Plan) -> None:
@@ -139,8 +139,8 @@ class FaultWorld(ServedWorld):
         for fault, wait_s in plan.faults:
             fault.end(self)
             await self.forward(_WATCHED_S + wait_s)
-        assert self.stands() and self.driver.moved_s == moved_s, f"{plan}: moves by itself"
-        assert self.mode is Mode.STOPPED, f"{plan}: starts by itself"
+        assert self.stands() and self.driver.moved_s == moved_s, f"{plan}: the robot moves again"
+        assert self.mode is Mode.STOPPED, f"{plan}: the robot starts by itself"
 
     async def _stands_after_last_message(self, what: str) -> float:
         """Wait until the robot stands; return the time since the last message that it then

@@ -21,4 +21,4 @@ def test_each_body_stops_in_time_when_its_server_is_gone(fault: str, name: str, 
         stood_after_s(name, fault, seed, proportional=by == "degrees") for seed in range(N_DRIVES)
     ]
     late = {seed: one_s for seed, one_s in enumerate(took_s) if one_s >= LIMIT_S}
-    assert not late, f"moves on, by seed: {late}"
+    assert not late, f"these bodies do not stop in time, by seed: {late}"

@@ -24,7 +24,7 @@ def test_the_robot_stops_in_time_at_any_moment_of_a_fault(name: str, mode: str, 
     fault, is_proportional = NAMED[name], by == "degrees"
     found = outcomes(fault, mode, range(SEEDS), proportional=is_proportional)
     late = {n: one.stood_after_s for n, one in enumerate(found) if one.stood_after_s >= LIMIT_S}
-    assert not late, f"goes on, by seed: {late}"
+    assert not late, f"the robot does not stop in time, by seed: {late}"
     assert {outcome.reason for outcome in found} <= set(fault.reasons)
 
 

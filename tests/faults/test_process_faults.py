@@ -32,7 +32,7 @@ def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None
             pilot.wait_for_state(mode="stopped")
             time.sleep(0.2)
             notes = subject.ask()
-            assert notes["moved_s"] < resumed_s, "told to move after the freeze"
+            assert notes["moved_s"] < resumed_s, "a move was sent after the freeze"
             assert notes["mode"] == "stopped"
             # either the loop's late tick or the waiting messages stop the robot, depending on which
             # thread runs first

@@ -119,7 +119,7 @@ def test_a_rover_and_a_thymio_keep_the_contract_on_their_real_lines() -> None:
         with module.ThymioDriver(options) as driver:
             assert driver.device == "Anna"
             driver.send_point(Point(0.0, 1.0))
-            assert manager.node.variables["motor.left.target"] == [500], "1000 wraps or is refused"
+            assert manager.node.variables["motor.left.target"] == [500], "the Thymio refuses 1000"
         assert manager.node.status == 2 and manager.drives() == Point(0.0, 0.0)
         with pytest.raises(DriveError, match="sees no Thymio named 'Bea'"):
             other = module.ThymioOptions(thymio_manager=manager.address, thymio_name="Bea")

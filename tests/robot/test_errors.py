@@ -95,7 +95,7 @@ def test_a_robot_that_cannot_be_connected_is_one_sentence(
         said = str(raised.value)
         assert said.count("the driver of the robot 'fake' failed in " + call) == 1, said
         assert type(error).__name__ in said and "\n" not in said and len(said) < 600
-        assert any(record.exc_info for record in caplog.records), "the author needs the traceback"
+        assert any(record.exc_info for record in caplog.records), "the author needs a traceback"
 
 
 def test_our_own_errors_pass_as_they_are() -> None:

@@ -188,7 +188,7 @@ class Pilot:
                         return message
                 seen = len(self.messages)
                 left = deadline - time.monotonic()
-                assert left > 0, f"not said within {within_s} s; last: {self.messages[-3:]}"
+                assert left > 0, f"no such message in {within_s} s: {self.messages[-3:]}"
                 self._news.wait(left)
 
     def wait_for_state(self, within_s: float = STANDING_AFTER_S, **fields: Any) -> dict[str, Any]:
@@ -203,7 +203,7 @@ class Pilot:
         self.hold(held)
         end_s = time.monotonic() + STANDING_AFTER_S
         while not is_so():
-            assert time.monotonic() < end_s, f"never came; last: {self.messages[-3:]}"
+            assert time.monotonic() < end_s, f"the condition never held: {self.messages[-3:]}"
             if not self.states or self.state["mode"] != mode:
                 self.mode(mode)
             time.sleep(0.05)

@@ -185,7 +185,7 @@ def is_kept(answer: httpx.Response) -> bool:
 def failures(calls: int) -> list[tuple[int, bool]]:
     """Return which call fails, and whether all later ones fail too: the first call, and random
     ones."""
-    assert calls, "it writes something"
+    assert calls, "the request writes nothing"
     cases = [(first, always) for first in range(1, calls + 1) for always in (True, False)]
     return [cases[0], *random.Random(1).sample(cases[1:], min(CASES, len(cases)) - 1)]
 

@@ -362,7 +362,7 @@ def test_a_folder_that_disappears_during_teaching_loses_nothing(tmp_path, seed):
             assert system.told.count("kept_again") == 1
             learned = teach(rig)
     if not is_back:
-        assert list(root.iterdir()) == [], "nothing is written at the end, either"
+        assert list(root.iterdir()) == [], "the end of the program writes nothing, either"
         plug_in(root, away)
     with running(root) as (_, persistence):
         saved = [model.summary.n_examples for _, model in persistence.models.good_models()]

@@ -65,9 +65,9 @@ def test_when_the_pilot_leaves_the_other_client_gets_the_wheel_and_the_robot_sta
         server.wait_until(lambda: server.driver.now is Action.FORWARD)
         lost.vanish()
         back.wait_for_state(you_are_pilot=True, mode="stopped")
-        assert server.driver.now is Action.STOP, "and nothing is replayed"
+        assert server.driver.now is Action.STOP, "no old command is replayed"
         states = [m for m in back.page.messages if m["type"] == "state" and m["you_are_pilot"]]
-        assert {state["driven_by"] for state in states} == {"nobody"}, "it has never driven"
+        assert {state["driven_by"] for state in states} == {"nobody"}, "this page has never driven"
 
 
 def test_the_last_of_several_connections_of_a_page_gets_the_wheel(server):
@@ -105,12 +105,12 @@ def test_handing_over_the_wheel_stops_the_robot_before_it_obeys_the_next_pilot(
         server.wait_until(lambda: server.driver.now is Action.LEFT)
         taker.send(type="take")
         giver.wait_for(lambda m: m.get("name") == "wheel_asked")
-        assert server.driver.now is Action.LEFT, "asking stops nobody"
+        assert server.driver.now is Action.LEFT, "a request for the wheel does not stop the robot"
         giver.send(type="yield")
         taker.hold("forward", points.get("forward"))
         taker.wait_for_state(you_are_pilot=True, mode="stopped")
         server.forward(0.3)
-        assert server.driver.now is Action.STOP, "who takes over starts it"
+        assert server.driver.now is Action.STOP, "the robot waits until its new pilot starts it"
         assert Action.FORWARD not in {action for _, action in server.driver.changes}
 
 
@@ -188,7 +188,7 @@ async def test_a_client_that_keeps_reconnecting_does_not_increase_the_rate_of_st
         await world.forward(0.02)
     told = [one for one in pilot.messages[before:] if one["type"] == "state"]
     assert 5 <= len(told) <= 15
-    assert pupil.state["frame"] == pilot.state["frame"], "it is told when it is back"
+    assert pupil.state["frame"] == pilot.state["frame"], "an idle client gets the newest state"
 
 
 @in_virtual_time()
@@ -202,7 +202,7 @@ async def test_repeated_requests_for_the_wheel_do_not_flood_the_pilots_page(worl
         await world.forward(0.02)
         asked = [one for one in pilot.messages if one.get("name") == "wheel_asked"]
         told_s += [0.02 * n] * (len(asked) - len(told_s))
-    assert 5 <= len(told_s) <= 15 and told_s[0] < 0.1 and told_s[-1] > 8.0, "but it is told again"
+    assert 5 <= len(told_s) <= 15 and told_s[0] < 0.1 and told_s[-1] > 8.0, "told again later"
 
 
 @in_virtual_time(Config(web=WEB, limits=Limits(refused_before_closing=20)))
@@ -216,7 +216,7 @@ async def test_a_pilot_on_a_slow_link_is_not_disconnected(world):
         await world.forward(1.0)
     [client] = world.hub.broadcast.clients.values()
     assert not client.refusals.shut_out.is_set()
-    assert world.hub.refused[ErrorCode.STALE] > 20, "the link is as slow as that"
+    assert world.hub.refused[ErrorCode.STALE] > 20, "the link is slow enough for refusals"
     for _ in range(20):
         pilot.send(type="dance")
     await world.until(lambda: not world.hub.broadcast.clients, what="who is hostile is sent away")
@@ -280,7 +280,7 @@ async def test_a_late_computer_slows_down_before_it_stops_and_says_so(world):
     for late_s in (0.0, 0.01, 0.03):
         assert not any(is_busy for is_busy, _ in await hold_up(late_s, 3.0)), late_s
     said = await hold_up(0.15, 5.0)
-    assert world.mode is Mode.TRAIN, "it drives on"
+    assert world.mode is Mode.TRAIN, "the robot drives on"
     assert (True, 0.5) in said and all(speed == 0.5 for is_busy, speed in said if is_busy)
     await world.forward(3.0)
     assert not world.loop.state.link.is_busy and world.loop.state.decision.speed_scale == 1.0
@@ -289,4 +289,4 @@ async def test_a_late_computer_slows_down_before_it_stops_and_says_so(world):
     await world.forward(20.0)
     assert world.mode is Mode.STOPPED
     if world.loop.state.decision.stop_reason is StopReason.LINK_SLOW:
-        assert pilot.state["busy"] is True, "it is not the link's fault, which is said on"
+        assert pilot.state["busy"] is True, "the state blames this computer, not the link"

@@ -253,7 +253,7 @@ async def test_a_message_without_a_proof_moves_nothing(world, kind, lie, by):
         what = {"held": "forward", **point} if kind == "drive" else {"mode": "autonomous"}
         pilot.send(type=kind, **what, **sight)
         await world.forward(0.05)
-    assert world.driver.moved_s == moved_s, "it moved"
+    assert world.driver.moved_s == moved_s, "the robot moved"
     assert world.mode is Mode.STOPPED
     assert set(pilot.errors()) == {"no_picture" if lie == "no frame" else "stale"}
     if kind == "drive":

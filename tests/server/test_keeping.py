@@ -78,7 +78,7 @@ def it_says_what_it_moved_and_serves(server: Served, folder: Path) -> None:
     [line] = [line for line in server.errors if "set aside" in line]
     for name in MOVED:
         assert name in line and f"set-aside/{name}.1" in line
-    assert (folder / NOT_OURS).read_bytes() == b"x", "a name that the server does not know stays"
+    assert (folder / NOT_OURS).read_bytes() == b"x", "unknown files stay"
 
 
 def a_second_server_leaves_the_folder_of_the_first_alone(first: Served, folder: Path) -> None:
@@ -95,7 +95,7 @@ def it_ends_with_everything_saved_and_goes_on_from_there(folder: Path, end: sign
         with server.unfinished():
             server.process.send_signal(end)
             assert server.process.wait(60) in (0, 130)
-    assert "Traceback" not in "".join(server.errors), "its end is no error"
+    assert "Traceback" not in "".join(server.errors), "ending the server is not an error"
     model = ModelStore(Storage(folder)).load("sim")
     assert model.summary.n_examples >= before + 20
     ours = [path for path in folder.rglob("*") if path.is_file() and path.name != NOT_OURS]

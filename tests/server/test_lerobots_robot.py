@@ -87,7 +87,7 @@ def test_random_orders_are_driven_and_the_returned_actions_were_done(server):
     chance = random.Random(1)
     with line_to(server) as line:
         line.begin()
-        assert set(line.points) < {str(move) for move in server.driver.moves}, "taken now, not all"
+        assert set(line.points) < {str(move) for move in server.driver.moves}
         ticks: list[tuple[int, str]] = []
         server.rig.loop.subscribe(
             lambda tick: ticks.append((tick.frame_id or 0, str(tick.decision.action)))
@@ -114,7 +114,7 @@ def test_a_message_that_is_read_late_was_sent_when_the_robot_says():
     sent = part("line").Sent()
     for i in range(20):
         sent.at_s(1000.0 + 100 * i, 500.0 + 0.1 * i)
-    assert sent.at_s(3000.0, 504.0) == pytest.approx(502.0), "2 s in the socket"
+    assert sent.at_s(3000.0, 504.0) == pytest.approx(502.0), "2 s of waiting in the socket"
     for i in range(36_000):  # an hour in which this clock is 50 parts in a million ahead
         now_s, robot_ms = 504.0 + 0.1 * i * 1.00005, 5000.0 + 100 * i
         assert now_s - sent.at_s(robot_ms, now_s) < 0.01
@@ -137,7 +137,7 @@ def an_order_waits_for_a_proof_that_is_young_enough(
             line._proven_s -= 10.0
             before = line._seq
             line.drive(asks(0.0, 0.5))
-            assert line._seq - before <= 1, "but what was being sent"
+            assert line._seq - before <= 1, "at most the message in progress was sent"
         # If the robot still finds the proof too old, the order is sent again.
         monkeypatch.setattr(part("line"), "_DONE_WITHIN_S", 30.0)
         for _ in range(20):  # a newer proof may come first, or a busy machine makes it stand
@@ -162,7 +162,7 @@ def without_the_wheel_it_does_not_begin(
             pytest.raises(ConnectionError, match=f"has the wheel of .*{pilot.hello['client']}"),
         ):
             line.begin()
-        assert pilot.state["you_are_pilot"], "and nobody was disturbed"
+        assert pilot.state["you_are_pilot"], "the failed attempt did not disturb the pilot"
         pilot.drive_until(lambda: server.driver.now is Action.FORWARD)
 
 

@@ -36,7 +36,7 @@ def test_a_pilot_drives_and_the_robot_stands_when_it_vanishes():
         with server.pilot() as pilot:
             pilot.socket.send("x" * 70_000)
             pilot._threads[0].join(60.0)
-            assert pilot.socket.close_code == 1009, "a huge message closes the connection"
+            assert pilot.socket.close_code == 1009, "a huge message closes the socket"
         wait_until(lambda: not server.hub.broadcast.clients, "the hub lets it go")
 
 

@@ -79,7 +79,7 @@ async def test_a_release_after_a_reconnection_names_the_stop_of_the_new_state(wo
     before.vanish()
     await _by_http(world)
     await world.forward(1.5)
-    assert world.loop.state.emergency, "what is said on the old connection is late"
+    assert world.loop.state.emergency, "the release on the old connection came too late"
     after = await world.pilot(sees=True)
     after.send(type="release", stop_number=before.state["stop_number"])
     assert (await _refusal(after))["code"] == "newer_stop"
@@ -111,7 +111,7 @@ async def test_a_start_requested_before_a_stop_does_not_start_the_released_robot
     world.loop.release_emergency()
     await world.forward(0.3)
     assert world.mode is Mode.STOPPED
-    assert pilot.errors() == ["newer_stop"], "a page repeats no such start"
+    assert pilot.errors() == ["newer_stop"], "a page does not repeat such a start"
     pilot.mode("autonomous")
     await world.until(lambda: world.mode is Mode.AUTONOMOUS, 1.0, "asked for after it")
 

@@ -44,7 +44,7 @@ def test_the_gallery_lists_every_image_with_its_picture(taught):
     assert len(images) == 8
     # With one view only a change of label is learned: every fourth example, and the next one.
     assert sum(image["frames"] for image in images.values()) == 20
-    assert {image["angle"] for image in images.values()} == {None}, "taught by moves"
+    assert {image["angle"] for image in images.values()} == {None}, "taught by moves only"
     picture = ask(taught, "GET", f"/api/gallery/{next(iter(images))}.png")
     assert picture.headers["content-type"] == "image/png"
     assert picture.content.startswith(b"\x89PNG")
@@ -72,7 +72,7 @@ def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught):
     assert {k for k, n in gallery(taught)[node]["votes"].items() if n} == {"right"}
     assert edit(verb="pin", value=True) == 200
     assert gallery(taught)[node]["pinned"]
-    assert edit(verb="delete") == 409, "what is pinned stays"
+    assert edit(verb="delete") == 409, "a pinned image cannot be deleted"
     assert edit(verb="pin", value=False) == 200
     assert edit(verb="delete") == 200
     assert node not in gallery(taught)

@@ -102,7 +102,7 @@ class FirmwareRobot:
         """Wait until more than `since` orders have come and the last one is a stop."""
         end_s = time.monotonic() + 60.0
         while len(self.moves) <= since or self.is_moving():
-            assert time.monotonic() < end_s, "it does not stand"
+            assert time.monotonic() < end_s, "the wheels did not stop"
             self._read(0.5)
 
     def _read(self, wait_s: float = 0.0) -> None:

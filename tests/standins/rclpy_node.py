@@ -111,7 +111,7 @@ class WatchdogNode:
                 name = f"{_PACKAGES[kind]}/msg/{kind.__name__}"
 
                 def publish(message: Any) -> None:
-                    assert type(message) is kind, "rclpy refuses another type"
+                    assert type(message) is kind, "rclpy refuses a message of another type"
                     running._publish(topic, name, to_json(message))
 
                 return SimpleNamespace(publish=publish)

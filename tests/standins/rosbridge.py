@@ -116,7 +116,7 @@ class RosBridgeServer:
         elif asked["op"] == "unsubscribe":
             self._listeners[topic].discard(socket)
         elif asked["op"] == "publish":
-            assert topic in self.topics or topic == SETTLED, "rosbridge knows no type for it"
+            assert topic in self.topics or topic == SETTLED, "no node has advertised this topic"
             await self._pass_on(topic, asked["msg"])
 
     async def _pass_on(self, topic: str, message: dict[str, Any]) -> None:

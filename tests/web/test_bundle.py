@@ -53,9 +53,9 @@ def test_each_module_is_in_one_file_and_each_file_is_named_by_its_content() -> N
     assert {m for m in modules if modules.count(m) > 1} == shared
     for address, data in page.items():
         assert address.split("/")[1].startswith(hashlib.sha256(data).hexdigest()[:10] + "-")
-    assert asked_for(joined_page()) == set(page), "what is asked for is there, and nothing else"
+    assert asked_for(joined_page()) == set(page), "the page requests exactly the files that exist"
     cached = json.loads((joined_page() / "shell.json").read_text("utf-8"))
-    assert not [file for file in cached if "eye" in file], "not for everybody"
+    assert not [file for file in cached if "eye" in file], "most visitors do not need the eye"
     assert set(page) < set(cached)
     told = "".join(data.decode() for name, data in page.items() if name.endswith(".js"))
     fetched = set(re.findall(r"\$load\('([^']+)'\)", told))
@@ -91,7 +91,7 @@ def test_a_language_is_one_file_with_the_sentences_of_the_extensions(web: Path) 
     languages = {name_of(name): data.decode() for name, data in files(page).items()}
     german, later = languages["de.js"], languages["later-de.js"]
     assert "emergency_stop: 'HALT',\n" in german and german.count("emergency_stop") == 1
-    assert "back: 'Back to driving',\n" in german, "what it lacks is in English"
+    assert "back: 'Back to driving',\n" in german, "English fills the gaps of a translation"
     assert "'gallery.order': 'Folge'" in later and "'gallery.newest': 'Newest first'" in later
     assert asked_for(page) == set(files(page))
     assert "'screen.study'" in languages["es.js"] and "'screen.home'" in languages["es.js"]

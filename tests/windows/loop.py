@@ -44,11 +44,11 @@ def run(folder: Path) -> None:
     assert ModelStore(Storage(data)).load(name).summary.n_examples == taught_in_all
 
     with _served(data) as (console, address):
-        assert _lessons(address) == taught_in_all, "what it was taught is there again"
+        assert _lessons(address) == taught_in_all, "the restarted program has all examples"
         more = _teach(address, taught_in_all + 30)
         console.close()
     with _served(data) as (console, address):
-        assert _lessons(address) >= more, "a closed window loses nothing that was taught"
+        assert _lessons(address) >= more, "a closed window loses no example"
         console.press_ctrl_c()
     print(f"a closed window lost nothing: {more} examples are there again")
     _recordings_are_the_same(folder, data)
@@ -118,7 +118,7 @@ def _hand_over(address: str) -> float:
     with contextlib.closing(_pilot(address)) as pilot:
         alone_s, end_s = 0.0, time.monotonic() + PATIENCE_S
         while alone_s < ALONE_S:
-            assert time.monotonic() < end_s, f"alone {alone_s:.0f} s; {pilot.state}"
+            assert time.monotonic() < end_s, f"only {alone_s:.0f} s by itself: {pilot.state}"
             if pilot.state["mode"] != "autonomous":
                 pilot.mode("autonomous")
             began_s = time.monotonic()

@@ -94,7 +94,7 @@ def test_a_simulated_camera_is_turned_in_both_of_its_sizes():
     before = to_rgb(camera.capture()).astype(int)
     camera.mounting = CameraCorrection(turn_deg=90)
     frame = camera.capture()
-    assert np.abs(np.rot90(before, -1) - to_rgb(frame)).mean() < 10, "but for its noise"
+    assert np.abs(np.rot90(before, -1) - to_rgb(frame)).mean() < 10, "only the noise differs"
     camera.for_the_eye(camera.take_jpeg())
     large: Frame = camera.for_the_eye(camera.take_jpeg())
     assert (large.width, large.height) == (240, 320)
@@ -183,7 +183,7 @@ def test_a_body_of_moves_only_has_its_sides_swapped_by_their_names():
     assert possible_corrections(body) == ("swap_sides",)
     body.correct(BodyCorrection(swap_sides=True))
     for meant, sent in (("left", "right"), ("right", "left"), ("forward", "forward")):
-        assert body.drive(Action(meant)) is Action(meant), "what it means stays"
+        assert body.drive(Action(meant)) is Action(meant), "the meaning of the move stays the same"
         assert body.now is Action(sent)
     for refused in (BodyCorrection(trim=0.1), BodyCorrection(reverse="left")):
         with pytest.raises(ConfigurationError, match="does not apply to the robot 'fake'"):

@@ -124,9 +124,9 @@ def test_pictures_have_the_right_colours_size_and_time() -> None:
         camera._take(picamera2.Request(9, (64, 48)))
         frame = camera.latest()
     assert frame is not None and (frame.width, frame.height) == (64, 48)
-    assert to_rgb(frame)[24, 32].tolist() == [63, 0, 0], "red is red"
+    assert to_rgb(frame)[24, 32].tolist() == [63, 0, 0]
     age_s = camera.clock.now_s() - frame.captured_s
-    assert age_s > 0.0199, "as old as the sensor says: 20 ms, in numbers that are rounded"
+    assert age_s > 0.0199, "the frame is as old as the sensor states, 20 ms, apart from rounding"
 
 
 def test_upside_down_turns_pictures_and_a_repeated_picture_counts_once() -> None:

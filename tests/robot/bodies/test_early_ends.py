@@ -38,7 +38,7 @@ def run(file: Path, *, drives_s: float | None, ends_well: bool) -> EarlyEnds:
 def test_two_brownouts_in_a_row_are_reported_until_a_drive_succeeds(tmp_path: Path) -> None:
     file = tmp_path / "drive-began.json"
     assert run(file, drives_s=0.2, ends_well=False).count == 0
-    assert run(file, drives_s=None, ends_well=True).count == 1, "an update hides none of them"
+    assert run(file, drives_s=None, ends_well=True).count == 1, "an update hides no power cut"
     assert run(file, drives_s=0.2, ends_well=False).count == 1
     third = EarlyEnds(file)
     assert third.is_weak and third.count == 2
@@ -74,7 +74,7 @@ def test_it_hears_each_tick_only_until_the_drive_has_lasted(tmp_path: Path) -> N
     began_s = robot.clock.now_s()
     for scene in range(round(10 * SOON_S) + 20):
         robot.step(scene, Action.FORWARD, 0.1)
-    assert ends.count == 0, "borne"
+    assert ends.count == 0, "a drive that lasted clears the count"
     assert SOON_S <= heard[-1] - began_s < SOON_S + 0.5 and len(heard) > 40
     robot.loop.trip(StopReason.PILOT_ASKED)
     robot.tick()

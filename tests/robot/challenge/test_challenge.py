@@ -172,7 +172,7 @@ def test_of_three_tries_the_best_counts():
     assert len(challenge.tries) == TRIES
     assert challenge.best_m == max(one.metres for one in challenge.tries)
     challenge.note(tick(start_s, START))
-    assert not challenge.is_on, "what nobody has armed is no try"
+    assert not challenge.is_on, "a drive that nobody armed does not count as a try"
     challenge.arm()
     assert challenge.tries == () and challenge.best_m is not None
 

@@ -78,7 +78,7 @@ def test_only_the_parts_that_the_deciding_image_alone_shares_are_marked(name, se
         why = explain(policy, x, policy.propose(1, x).node)
         assert why.alike.shape == (CELL_ROWS, CELL_COLUMNS)
         assert why.alike.min() >= 0.0 and why.alike.max() <= 1.0
-        assert why.alike[rows[which], columns[which]] > 0.6, "its own pattern"
+        assert why.alike[rows[which], columns[which]] > 0.6, "the view's own pattern is alike"
         assert np.median([why.alike[part] for part in bare]) < 0.5
         assert why.image.votes[label] == 1
         np.testing.assert_array_equal(why.present, policy.features.thumbnail(x))
@@ -90,5 +90,5 @@ def test_without_an_image_there_is_nothing_to_show():
     assert explain(policy, x, None) is None
     policy.learn(x, Action.LEFT)
     node = policy.propose(1, x).node
-    assert explain(policy, x, node + 99) is None, "merged meanwhile"
-    assert not explain(policy, x, node).alike.any(), "one image alone is like no other"
+    assert explain(policy, x, node + 99) is None, "the image was merged meanwhile"
+    assert not explain(policy, x, node).alike.any(), "a single image has no similar image"

@@ -113,9 +113,9 @@ def test_it_may_be_tried_early_once_it_was_shown_each_move_often_and_knows_the_v
         single.teach(F, 6.0)
         for _ in range(10):
             single.tick(DrivenBy.NOBODY, STOP, F)
-    assert single.stage is Stage.TEACH, "a single move is not tried early"
+    assert single.stage is Stage.TEACH, "the trial needs more than one move"
     for late in (early(42.0, n_turns=EARLY_STARTS - 1), early(42.0, novelty=0.9)):
-        assert late.stage is Stage.TRY, "never later than after forty seconds"
+        assert late.stage is Stage.TRY, "the trial begins after forty seconds at the latest"
 
 
 def test_corrections_at_new_views_do_not_take_the_early_trial_back():
@@ -130,7 +130,7 @@ def test_corrections_at_new_views_do_not_take_the_early_trial_back():
         assert drive.stage is Stage.READY
     assert R in drive.lesson.moves_in_use
     drive.teach(F, 1.0)
-    assert drive.stage is Stage.TRY, "R was only a correction, so it is not asked for"
+    assert drive.stage is Stage.TRY, "R was only a correction, so the lesson does not ask for it"
 
 
 def test_a_move_begun_too_few_times_is_named():
@@ -187,7 +187,7 @@ def test_it_is_ready_exactly_after_the_time_that_it_named_until_its_model_change
     assert trial.clean_s >= trial.needed_s >= CLEAN_S
     assert unknown_s or drive.lesson.missing() == []
     drive.tick(DrivenBy.NOBODY, STOP, None, events=[Replaced(policy_name="x")])
-    assert drive.stage is Stage.TEACH, "another model begins from nothing"
+    assert drive.stage is Stage.TEACH, "a new model starts from nothing"
 
 
 @pytest.mark.parametrize(
@@ -235,7 +235,7 @@ def test_a_robot_that_was_carried_to_another_place_shows_again_that_it_is_ready(
     assert drive.stage is Stage.READY
     drive.lesson.note_carried()
     assert drive.stage is Stage.TRY and drive.lesson.trial.clean_s == 0.0
-    assert drive.kinds == [], "what went wrong is not in this place"
+    assert drive.kinds == [], "gaps from the earlier place do not count"
     drive.alone(CLEAN_S + 1)
     assert drive.stage is Stage.READY
 

@@ -59,7 +59,7 @@ def test_a_client_that_requests_it_now_and_then_gets_the_whole_trail(seed):
         turned_rad = abs(math.remainder(b.pose.heading_rad - a.pose.heading_rad, math.tau))
         is_elsewhere = gone_m >= STEP_M or turned_rad >= STEP_RAD
         assert is_elsewhere or a.driven_by != b.driven_by or b.events, (
-            "no point says what another said before"
+            "no point repeats the previous point"
         )
 
 

@@ -56,7 +56,7 @@ def test_the_rate_is_that_of_the_camera_and_a_pause_does_not_count():
     timing.pause()
     for number in range(16):
         timing.note(9.0 + number / 5, 9.0 + number / 5, is_moving=False)
-        assert (timing.rate_hz == pytest.approx(5.0)) is (number == 15), "only the last 15 periods"
+        assert (timing.rate_hz == pytest.approx(5.0)) is (number == 15), "only 15 periods count"
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_the_allowed_delay_grows_slowly_while_moving_and_shrinks_at_once():
         timing.note(at_s, at_s + 0.2, is_moving=True)
         ages.append(timing.state.delivery_age_s)
     assert ages == sorted(ages)
-    assert ages[-1] < 0.08, "a second has not taught it to wait for 200 ms"
+    assert ages[-1] < 0.08, "after one second, the robot does not yet accept an age of 200 ms"
     for _ in range(15):
         at_s += 1 / 30
         timing.note(at_s, at_s + 0.005, is_moving=True)
@@ -144,7 +144,7 @@ def test_a_pause_of_the_camera_does_not_count_as_its_period(pause_s):
     for i in range(20):
         at_s = 2.0 + pause_s + i / 30
         timing.note(at_s, at_s + 0.005, is_moving=False)
-        assert timing.state.timeout_s == before.timeout_s, "or it would drive blind for so long"
+        assert timing.state.timeout_s == before.timeout_s, "a long timeout would be dangerous"
         assert timing.state.speed_scale == 1.0
         assert timing.state.sight_slack_s == 0.0
 
@@ -307,6 +307,6 @@ def test_after_the_camera_freezes_it_stands_within_half_a_second_and_a_period(pe
         clock.advance(0.01)
         robot.hold(FORWARD)
         tick = robot.tick()
-        assert clock.now_s() - last_s < 1.0, "it never stands"
+        assert clock.now_s() - last_s < 1.0, "the robot never stops"
     assert tick.decision.stop_reason is StopReason.FRAME_STALE
     assert clock.now_s() - last_s <= 0.5 + period_s

@@ -99,7 +99,7 @@ def test_a_start_counts_as_a_command_and_expires_like_one():
 def test_a_stale_picture_stops_the_robot(mode):
     gate = started(mode)
     hold(gate, Action.FORWARD, 0.2)
-    assert select(gate, 0.2, frame_age_s=0.2).action is Action.FORWARD, "to the very limit"
+    assert select(gate, 0.2, frame_age_s=0.2).action is Action.FORWARD, "0.2 s is still fresh"
     assert select(gate, 0.2, frame_age_s=0.21).stop_reason is StopReason.FRAME_STALE
 
 
@@ -117,7 +117,7 @@ def test_a_command_without_a_picture_is_not_obeyed_however_fresh():
     blind = PilotCommand(held=Action.RIGHT, frame_id=None, seq=1, received_s=0.1)
     assert gate.receive(blind, 0.1) is False
     assert select(gate, 0.1).action is Action.STOP
-    assert select(gate, 0.31).stop_reason is StopReason.LINK_SLOW, "what is refused is silence"
+    assert select(gate, 0.31).stop_reason is StopReason.LINK_SLOW, "a refusal counts as silence"
 
 
 @pytest.mark.parametrize(("transit_s", "is_taken"), [(0.25, True), (0.3, True), (0.31, False)])
@@ -142,7 +142,7 @@ def test_a_start_stands_for_at_most_half_a_second_until_a_fresh_picture_comes(mo
         assert (who_drives(decision), decision.mode, decision.stop_reason) == (STANDS, mode, None)
     late = copy(gate)
     assert select(gate, 0.5).action is Action.FORWARD
-    assert select(gate, 0.5, frame_age_s=0.21).stop_reason is StopReason.FRAME_STALE, "once only"
+    assert select(gate, 0.5, frame_age_s=0.21).stop_reason is StopReason.FRAME_STALE
     assert select(late, 0.51, frame_age_s=math.inf).stop_reason is StopReason.FRAME_STALE
     silent = started(Mode.TRAIN)
     assert select(silent, 0.31, None, math.inf).stop_reason is StopReason.PILOT_SILENT
@@ -195,14 +195,14 @@ def test_the_first_reason_of_a_stop_is_kept_and_counted_once():
     told: list[Mode] = []
     gate = Gate(on_stop=lambda: told.append(gate.mode))
     gate.trip(StopReason.PILOT_GONE)
-    assert gate.stop_reason is None, "it never started"
+    assert gate.stop_reason is None, "the robot had never started"
     assert gate.start(Mode.TRAIN, 0.0) and gate.silent_at_s < math.inf
     gate.trip(StopReason.CAMERA_FAULT)
     gate.trip(StopReason.PILOT_GONE)
     assert gate.stop_reason is StopReason.CAMERA_FAULT
     assert gate.stops == {StopReason.CAMERA_FAULT: 1}
     assert told == [Mode.STOPPED]
-    assert gate.silent_at_s == math.inf, "nobody needs to be heard while it stands"
+    assert gate.silent_at_s == math.inf, "a stopped robot needs no commands"
 
 
 @pytest.mark.parametrize(
@@ -221,4 +221,4 @@ def test_a_robot_that_does_not_know_the_view_asks_and_drives_straight_slowly(vie
     assert who_drives(decision) == (action, DrivenBy.ROBOT, True)
     assert (decision.speed_scale, decision.mode) == (scale, Mode.AUTONOMOUS)
     assert decision.stop_reason is (StopReason.NEEDS_HELP if view.needs_help else None)
-    assert gate.stop_reason is None, "a request for help is no stop"
+    assert gate.stop_reason is None, "a request for help is not a stop"

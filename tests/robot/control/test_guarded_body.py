@@ -121,8 +121,8 @@ def test_the_watchdog_ends_at_once_or_after_five_seconds_if_the_body_hangs(hangs
     driver = FakeDriver(clock=clock)
     monkeypatch.setattr(driver, "stop", lambda: clock.sleep(hangs_s))
     with GuardedBody(driver, clock) as body:
-        assert body.order(math.inf) and not body._sooner.is_set(), "nothing is due"
-        assert not body.order(0.0), "too late"
+        assert body.order(math.inf) and not body._sooner.is_set(), "no deadline is set"
+        assert not body.order(0.0), "the deadline has passed"
         assert body.order(0.5)
         clock.sleep(1.0)
     assert clock.now_s() == 1.0 + min(hangs_s, 5.0)

@@ -48,7 +48,7 @@ def test_only_a_delay_well_below_the_threshold_lifts_a_restriction():
     assert governor.level is LinkLevel.SLOW
     for tenth in range(60, 70):
         governor.note_age(0.16, tenth / 10)
-    assert governor.level is LinkLevel.SLOW, "0.9 s are not long enough"
+    assert governor.level is LinkLevel.SLOW, "0.9 s are too short"
     governor.note_age(0.19, 7.0)  # the time before the level may fall starts again
     for tenth in range(71, 81):
         governor.note_age(0.16, tenth / 10)
@@ -59,7 +59,7 @@ def test_only_a_delay_well_below_the_threshold_lifts_a_restriction():
 
 def test_a_pilot_without_a_picture_for_half_a_second_counts_as_blind():
     governor = LinkGovernor()
-    assert governor.blind_in_s(9.0) >= 0, "nobody has been shown anything yet"
+    assert governor.blind_in_s(9.0) >= 0, "the page has not shown any picture yet"
     assert governor.state(9.0) == LinkState()
     governor.note_seen(1.0)
     for (now_s, *slack_s), is_blind in (
@@ -77,11 +77,11 @@ def test_a_pilot_without_a_picture_for_half_a_second_counts_as_blind():
 def test_the_age_is_that_of_the_slower_direction():
     assert age_of_link_s(0.4, None) == pytest.approx(0.4)
     assert age_of_link_s(0.4, 0.3) == pytest.approx(0.3)
-    assert age_of_link_s(0.4, 0.05) == pytest.approx(0.35), "the command was long on its way"
-    assert age_of_link_s(0.1, 9.0) == pytest.approx(0.1), "a page's clock may be wrong"
+    assert age_of_link_s(0.4, 0.05) == pytest.approx(0.35), "the command took long to arrive"
+    assert age_of_link_s(0.1, 9.0) == pytest.approx(0.1), "the page's clock may be wrong"
     assert age_of_link_s(0.1, -9.0) == pytest.approx(0.1)
-    assert age_of_link_s(0.4, 0.3, phone_s=0.1) == pytest.approx(0.2), "the rest is the phone's"
-    assert age_of_link_s(0.4, 0.3, phone_s=9.0) == pytest.approx(0.1), "the way back remains"
+    assert age_of_link_s(0.4, 0.3, phone_s=0.1) == pytest.approx(0.2), "the phone caused the rest"
+    assert age_of_link_s(0.4, 0.3, phone_s=9.0) == pytest.approx(0.1), "the way back always counts"
     assert age_of_link_s(0.4, 0.3, phone_s=-9.0) == pytest.approx(0.3)
 
 
@@ -114,7 +114,7 @@ def test_a_command_is_judged_by_the_link_without_camera_and_phone(
     governor.judge(command, (10.5, 11.0), 10.9, CameraState(slack_s=0.05), 11.28)
     assert governor.age_s == pytest.approx(age_s)
     assert governor.level is level
-    assert governor.blind_in_s(11.28) == pytest.approx(0.5 - 0.38), "since the newest picture seen"
+    assert governor.blind_in_s(11.28) == pytest.approx(0.5 - 0.38), "0.38 s since that picture"
 
 
 def test_a_computer_that_is_late_slows_the_robot_down_until_that_has_faded():
@@ -122,12 +122,12 @@ def test_a_computer_that_is_late_slows_the_robot_down_until_that_has_faded():
     governor.note_lateness(0.1, is_to_blame=False)
     assert governor.state(0.0) == LinkState(
         level=LinkLevel.GOOD, is_busy=False, must_stop=False, may_learn=True, speed_scale=1.0
-    ), "at the limit it is not busy"
+    ), "0.1 s is not busy"
     governor.note_lateness(0.2, is_to_blame=False)
     busy = LinkState(level=LinkLevel.GOOD, is_busy=True, speed_scale=0.5)
     for _ in range(50):
         governor.note_lateness(0.0, is_to_blame=True)
-        assert governor.state(0.0) == busy, "it does not fade while the robot stands because of it"
+        assert governor.state(0.0) == busy, "nothing fades while the robot has to stand"
     for _ in range(6):
         governor.note_lateness(0.0, is_to_blame=False)
         assert governor.state(0.0) == busy

@@ -77,7 +77,7 @@ def test_a_stuck_robot_tries_another_move_asks_and_drives_on_after_a_correction(
         robot.step(step % 4, None)
     ticks = [robot.step(1, None) for _ in range(round(40 / 0.05))]
     sent = [tick.sent for tick in ticks]
-    assert set(sent[:5]) == {F} and L in sent[:20], "within a second"
+    assert set(sent[:5]) == {F} and L in sent[:20], "the robot turns within a second"
     asking = [tick for tick in ticks if tick.decision.stop_reason is StopReason.NEEDS_HELP]
     assert asking and all(tick.sent is Action.STOP for tick in asking)
     assert all(tick.decision.mode is Mode.AUTONOMOUS for tick in ticks)
@@ -150,11 +150,11 @@ def test_a_learner_that_fails_proposes_nothing_and_does_not_stop_the_robot(caplo
     robot.start(Mode.TRAIN)
     for _ in range(3):
         tick = robot.step(scene=1, held=L, seconds=0.12)
-        assert robot.driver.sent[-1] == (L, 1.0), "the pilot drives all the same"
+        assert robot.driver.sent[-1] == (L, 1.0), "the pilot can still drive"
         assert tick.prediction is not None and tick.prediction.action is None
         fault = robot.loop.state.fault or ""
         assert "The learner failed and proposes no move: no such thing" in fault
-        assert len(fault) == 300, "the rest is cut off"
+        assert len(fault) == 300, "the text is cut off after 300 characters"
     assert robot.loop.state.n_nodes == 0
     robot.start(Mode.AUTONOMOUS)
     assert robot.step(scene=1, held=None).decision.asks_pilot
@@ -163,7 +163,7 @@ def test_a_learner_that_fails_proposes_nothing_and_does_not_stop_the_robot(caplo
     robot.step(scene=1, held=L)
     assert robot.step(scene=1, held=L).prediction.action is L
     assert robot.loop.state.fault is None
-    assert robot.loop.learning.failure is not None, "it is not forgotten"
+    assert robot.loop.learning.failure is not None, "the failure stays on record"
 
 
 @pytest.mark.parametrize("takes_points", [True, False])
@@ -257,7 +257,7 @@ def test_a_robot_at_rest_takes_only_the_pictures_that_are_needed(monkeypatch):
         robot.clock.advance(1 / 16)
         robot.camera.show(number)
         robot.tick()
-    assert robot.loop.state.cycle_hz == 16.0, "the rest is not the camera's period"
+    assert robot.loop.state.cycle_hz == 16.0, "the rest does not count in the camera's rate"
     assert rests == [0.5, 0.0] and not robot.loop.state.is_resting
 
 
@@ -312,7 +312,7 @@ def test_a_tick_that_takes_longer_than_a_tenth_of_a_second_is_late(
 def test_a_longer_gap_between_two_ticks_than_allowed_stops_the_robot(gap_s, stops):
     robot = BenchRobot(config=LoopConfig(stall_s=0.25))
     robot.clock.advance(60.0)
-    assert robot.tick().fault is None, "it does not matter while the robot stands"
+    assert robot.tick().fault is None, "a gap does not matter while the robot stands"
     robot.start(Mode.TRAIN)
     robot.clock.advance(gap_s)
     robot.camera.show(1)

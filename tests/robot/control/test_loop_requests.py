@@ -74,9 +74,9 @@ def test_a_stop_ends_the_drive_is_counted_once_and_drops_what_was_held(stop, rea
     robot.tick()
     robot.hold(F)
     robot.start(Mode.TRAIN, scene=1)
-    assert robot.driver.sent[-1][0] is Action.STOP, "a command from before the start"
+    assert robot.driver.sent[-1][0] is Action.STOP, "a command from before the start is not obeyed"
     assert robot.step(1, F).sent is F
-    assert robot.loop.state.taught == {F: 3}, "nothing between the two drives"
+    assert robot.loop.state.taught == {F: 3}, "nothing is learned between the two drives"
 
 
 @pytest.mark.parametrize("waits_s", [0.3, 0.31])
@@ -120,9 +120,9 @@ def pressed(robot: BenchRobot, button: BodyButton) -> Tick:
 
 def test_the_start_button_starts_in_the_last_mode():
     robot = BenchRobot()
-    assert pressed(robot, BodyButton.STOP).decision.stop_reason is None, "it stood anyway"
+    assert pressed(robot, BodyButton.STOP).decision.stop_reason is None, "the robot already stood"
     assert robot.loop.state.stops == {}
-    assert pressed(robot, BodyButton.START).decision.mode is Mode.TRAIN, "to learn, at first"
+    assert pressed(robot, BodyButton.START).decision.mode is Mode.TRAIN, "training is the default"
     robot = started(Mode.AUTONOMOUS)
     assert pressed(robot, BodyButton.STOP).decision.mode is Mode.STOPPED
     assert robot.tick().decision.mode is Mode.STOPPED
@@ -131,7 +131,7 @@ def test_the_start_button_starts_in_the_last_mode():
     robot.loop.latch_emergency()
     robot.tick()
     robot.loop.release_emergency()
-    assert pressed(robot, BodyButton.START).decision.mode is Mode.STOPPED, "before the release"
+    assert pressed(robot, BodyButton.START).decision.mode is Mode.STOPPED, "the release came later"
     assert pressed(robot, BodyButton.START).decision.mode is Mode.AUTONOMOUS
 
 
@@ -207,7 +207,7 @@ def test_requests_run_once_in_order_an_urgent_one_first_and_answer_their_asker()
         box.serve()
         assert ran == ["urgent", "first"]
         assert not second.done(), "the turn is not over yet"
-        assert not second.cancel(), "it ran already"
+        assert not second.cancel(), "the function has already run"
     box.answer()
     assert first.done() and second.result(0) == "answer"
     with pytest.raises(ZeroDivisionError):

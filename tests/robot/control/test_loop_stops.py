@@ -74,7 +74,7 @@ def test_a_camera_that_reports_a_fault_stops_the_robot_and_is_reported_as_text(f
     robot.hold(F)
     tick = robot.tick()
     assert (tick.decision.stop_reason, tick.fault) == (StopReason.CAMERA_FAULT, "The lens is lost.")
-    assert robot.loop.state.taught == {F: 1}, "what it did not drive it does not learn"
+    assert robot.loop.state.taught == {F: 1}, "the robot does not learn a move that was not driven"
 
 
 @pytest.mark.parametrize("mode", [None, Mode.TRAIN, Mode.AUTONOMOUS])
@@ -113,7 +113,7 @@ def test_an_invalid_picture_does_not_affect_later_pictures(mode):
         robot.hold(F)
         robot.tick()
     assert robot.loop.state.decision.stop_reason is StopReason.FRAME_STALE
-    assert robot.step(1, F).fault is not None, "it says why it stands"
+    assert robot.step(1, F).fault is not None, "the fault still says why the robot stopped"
     robot.start(mode, scene=1)
     assert robot.loop.state.fault is None
 
@@ -144,7 +144,7 @@ def test_a_body_that_fails_is_stopped_and_reported_and_nothing_is_learned(
     assert (robot.driver.stops > stops_before) is can_stop
     assert said in str(tick.fault) and str(error).strip("'") in str(tick.fault)
     assert (tick.sensors == Sensors()) is (call == "sense")
-    assert robot.loop.state.taught == {F: 1}, "what it did not drive it does not learn"
+    assert robot.loop.state.taught == {F: 1}, "the robot does not learn a move that was not driven"
 
 
 def test_ctrl_c_during_a_tick_stops_the_robot_and_is_raised():
@@ -180,7 +180,7 @@ def test_a_driver_with_a_reading_of_another_type_is_named_and_stopped(sense):
     tick = robot.step(1, F)
     assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.DRIVE_FAULT)
     assert f"{BROKEN}sense: " in str(tick.fault)
-    assert tick.sensors == Sensors(), "the page shows what the tick contains"
+    assert tick.sensors == Sensors(), "the page shows the sensors of the tick"
 
 
 def test_readings_that_are_not_finite_count_as_missing():
@@ -300,7 +300,7 @@ def test_the_loops_thread_runs_ticks_and_stops_the_robot_at_its_end():
     assert robot.clock.result(robot.loop.submit(lambda: "served"), 5.0) == "served"
     cycles = robot.loop.state.cycles
     robot.clock.sleep(1.0)
-    assert 19 <= robot.loop.state.cycles - cycles <= 22, "every 50 ms without events"
+    assert 19 <= robot.loop.state.cycles - cycles <= 22, "the loop ticks every 50 ms without events"
     robot.rig.stop()
     robot.rig.stop()
     assert robot.driver.sent[-1][0] is Action.STOP
@@ -312,7 +312,7 @@ def test_a_fault_is_shown_at_once_and_goes_when_it_is_over():
     assert steady.show(None, 1.0, may_move=False) == "the hub is lost"
     assert steady.show(None, STEADY_S, may_move=False) is None
     assert steady.show("again", STEADY_S, may_move=False) == "again"
-    assert steady.show(None, STEADY_S + 0.1, may_move=True) is None, "it was started since"
+    assert steady.show(None, STEADY_S + 0.1, may_move=True) is None, "the robot has started"
 
 
 def test_each_shown_fault_stays_for_at_least_three_seconds():

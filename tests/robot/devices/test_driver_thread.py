@@ -213,7 +213,7 @@ def test_a_move_that_ends_does_so_before_the_sensors_however_late_they_are() -> 
     assert names(body)[-1] == "stop"
     driver.send_action(Action.STOP)
     driver.step()
-    assert names(body)[-1] == "sense", "as of any other move, only the first"
+    assert names(body)[-1] == "sense", "only the first of two equal stops is sent"
 
 
 @pytest.mark.parametrize(

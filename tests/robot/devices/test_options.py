@@ -78,7 +78,7 @@ NUMBERS = [
     ("kind", "option"), NUMBERS, ids=[f"{kind.name} {option.flag}" for kind, option in NUMBERS]
 )
 def test_every_number_has_a_range_and_keeps_to_it(kind: Any, option: Option) -> None:
-    assert option.range is not None, "say its range beside its help"
+    assert option.range is not None, "the option's help needs a range beside it"
     least, most = option.range
     assert least <= option.default <= most
     outside = [least - 1, most + 1, -math.inf, math.inf, math.nan]

@@ -135,7 +135,7 @@ def test_an_error_of_a_cameras_thread_becomes_its_fault(base: Any, error: Except
     camera.fault = None
     with camera:
         clock.sleep(0.1)
-    assert camera.fault is None, "stopping a camera is no fault"
+    assert camera.fault is None, "stopping a camera is not a fault"
 
 
 def jpeg(width: int, height: int) -> bytes:
@@ -240,14 +240,14 @@ def test_twins_without_a_serial_number_of_their_own_are_told_apart_by_their_sock
     plug(tmp_path, 2, "1-3", serial)
     unplug(tmp_path, 0)
     mine.lost()
-    assert mine.is_absent, "its twin is there"
+    assert mine.is_absent, "the driver does not take the camera's twin"
     assert mine.device == "HD Webcam C270 (USB socket 1-2)"
     plug(tmp_path, 1, "1-2", serial)
     assert mine.find() == "/dev/video1"
 
 
 def test_of_several_cameras_one_has_to_be_named(tmp_path: Path) -> None:
-    assert SameCamera("auto").find() == "auto", "the first that the system has"
+    assert SameCamera("auto").find() == "auto", "auto means the first camera of the system"
     plug(tmp_path, 10, "1-3")
     plug(tmp_path, 2, "1-2")
     with pytest.raises(SeveralCamerasError, match=r"2 cameras .*video10\).*--device /dev/video2$"):

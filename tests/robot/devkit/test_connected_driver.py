@@ -106,7 +106,7 @@ def test_a_lost_connection_is_reported_within_half_a_second_and_soon_restored(
                 clock.sleep(0.05)
         assert clock.now_s() - mended_s <= 1.5
         if kind is RadioDriver:
-            assert radio.took[n_took:] == [Action.STOP, driver.moves[0]], "it may have moved"
+            assert radio.took[n_took:] == [Action.STOP, driver.moves[0]], "the body may have moved"
     driver.disconnect()
     assert radio.n_open == 0 and not driver.is_connected
     with pytest.raises(NotConnectedError):

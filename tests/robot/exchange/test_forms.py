@@ -336,7 +336,7 @@ def test_a_table_may_begin_at_zero_or_state_times_of_day(tmp_path: Path) -> None
         episode = import_from(folder, tmp_path / f"{times[:4].replace(':', '')}.mcap")
         after_s = [entry.captured_s - episode.start_s for entry in episode.frames.values()]
         assert after_s[:2] == pytest.approx([0.0, 0.5]), times
-        assert float(episode.run["started_at_s"]) == 0.0, "not a date"
+        assert float(episode.run["started_at_s"]) == 0.0, "the time is not a date"
 
 
 @pytest.mark.parametrize(

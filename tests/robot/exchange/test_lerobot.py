@@ -74,7 +74,7 @@ def test_its_film_shows_the_pictures_frame_by_frame_and_its_statistics_are_true(
     shown, ids = [frame.to_ndarray(format="rgb24") for frame in decoded], list(episode.frames)
     keys = [number for number, frame in enumerate(decoded) if frame.key_frame]
     assert len(shown) == len(ids)
-    assert keys[:3] == [0, 2, 4], "a loader decodes two at most"
+    assert keys[:3] == [0, 2, 4], "a loader has to decode two frames at most"
     for index in (0, len(ids) // 2, len(ids) - 1):
         given = to_rgb(episode.frame(ids[index])).astype(float)
         assert np.abs(shown[index] - given).mean() < 12

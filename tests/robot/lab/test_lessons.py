@@ -126,7 +126,7 @@ def test_cycles_are_timed_on_a_robot_its_camera_and_wheels_included(monkeypatch)
     assert moved.count(Action.STOP) < len(moved) and moved[-1] is Action.STOP
     assert timing["nodes"] == 4
     for name in ("applying_hz", "learning_hz"):
-        assert timing[name] == pytest.approx(20, rel=0.05), "the camera sets the pace"
+        assert timing[name] == pytest.approx(20, rel=0.05), "the loop runs at the camera's rate"
 
 
 def test_every_habit_is_tried_in_every_place_at_every_rate():
@@ -138,12 +138,12 @@ def test_every_habit_is_tried_in_every_place_at_every_rate():
     assert 0 < sum(task.params["correct_s"] > 0 for task in tasks) < len(tasks)
     for settings, fewest in ((ExperimentSettings(), 240), (ExperimentSettings(seeds=20), 480)):
         seeds = [task.params["seed"] for task in GATE.plan(settings)]
-        assert len({*seeds}) == len(seeds) >= fewest, "each robot is another one"
+        assert len({*seeds}) == len(seeds) >= fewest, "each robot has a seed of its own"
     ready = list(READY.plan(ExperimentSettings()))
     assert len(ready) == PILOTS
     for name in ("habit", "world", "rate_hz"):
         counts = Counter(task.params[name] for task in ready)
-        assert max(counts.values()) - min(counts.values()) <= 2, "the pilots are varied"
+        assert max(counts.values()) - min(counts.values()) <= 2, "all pilots occur equally often"
 
 
 GOOD = {

@@ -79,7 +79,7 @@ def test_turning_on_one_spot_is_stuck_and_driving_is_not():
     circle = [(0.06 * math.cos(i / 30), 0.06 * math.sin(i / 30)) for i in range(300)]
     assert metrics.is_stuck(along(circle))
     both = along([*[(0.016 * i, 0.0) for i in range(-300, 0)], *circle[:250]])
-    assert metrics.longest_stay_s(both) == pytest.approx(25.3, abs=0.5), "it drove there before"
+    assert metrics.longest_stay_s(both) == pytest.approx(25.3, abs=0.5), "the drive counts, too"
     assert not metrics.is_stuck(along(circle[: round(STUCK_S / 0.1) - 5]))
     assert not metrics.is_stuck(along([(0.016 * i, 0.0) for i in range(300)]))
 

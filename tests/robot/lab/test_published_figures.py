@@ -35,5 +35,5 @@ def test_the_published_figures_of_the_recordings_are_reproduced(place: str) -> N
     results = list(evaluate(pairs, LEARNERS))
     for learner, figure in zip(LEARNERS, FIGURES[place], strict=False):
         accuracies = [r["accuracy"] for r in results if r["learner"] == learner]
-        assert len(accuracies) == 2, "one direction after the other"
+        assert len(accuracies) == 2, "one figure for each direction of the recordings"
         assert statistics.mean(accuracies) == pytest.approx(figure, abs=0.015), learner

@@ -146,7 +146,7 @@ def test_the_files_that_a_task_names_travel_with_it(tmp_path, monkeypatch):
     (tmp_path / "idea.py").unlink()
     read = {"text": "from here", "name": "Name", "world": "box"}
     assert run_task(task, contents).value(task) == read
-    assert "idea.py" in run_task(task).error, "without them it has no file"
+    assert "idea.py" in run_task(task).error, "without the given contents, the file is missing"
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_the_task_of_a_worker_that_is_lost_before_its_answer_was_fetched_goes_to
     run._todo.clear()
     run._workers["lost"] = worker = _Worker("lost", 0.0, future=NeverFetched(), key="key")
     assert list(run._take("lost", worker)) == []
-    assert run._events.get_nowait() == ("lost", worker.future), "it is asked again"
+    assert run._events.get_nowait() == ("lost", worker.future), "the client asks the worker again"
     run._drop("lost")
     assert run._todo == ["key"]
 

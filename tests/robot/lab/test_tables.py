@@ -49,7 +49,7 @@ def test_every_experiment_makes_tables(name):
     except MissingExtraError as error:
         pytest.skip(f"NOT TESTED: {error}")
     tasks = planned(name)
-    assert len({task.key() for task in tasks}) == len(tasks), "no run twice"
+    assert len({task.key() for task in tasks}) == len(tasks), "no run is planned twice"
     runs = [(task, made_up(task)) for task in tasks]
     tables = experiment.tables(runs)
     assert tables and all(table.rows for table in tables)
@@ -76,7 +76,7 @@ def test_the_ablation_shows_every_ground_in_one_table(tmp_path):
     table, *_ = load_experiment("ablation").tables([(task, made_up(task)) for task in tasks])
     assert [row[0] for row in table.rows] == ["default", *VARIANTS, "published"]
     assert {"trial 2: SSD", "TMaze", "footage: accuracy"} < set(table.columns)
-    assert all(None not in row for row in table.rows), "each is tried everywhere"
+    assert all(None not in row for row in table.rows), "each variant has a figure in each column"
     assert table.note == "Not run: Sidewalk, CarRacing, ViZDoom."
 
 

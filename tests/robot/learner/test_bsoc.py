@@ -265,7 +265,7 @@ def test_images_without_votes_do_not_affect_the_prediction():
         learner.learn_one(rng.random(20), "forward")
         learner.learn_one(view, "right")
         assert learner.predict_one(view) == "right"
-    assert learner.get_state().arrays["contradicted"].max() <= 1.0, "the first time it was new"
+    assert learner.get_state().arrays["contradicted"].max() <= 1.0, "a new view contradicts nothing"
 
 
 @pytest.mark.parametrize(("label", "angle"), [("", 0.0), ("left", np.nan), ("left", -2.0)])

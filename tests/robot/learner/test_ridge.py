@@ -131,7 +131,7 @@ def test_contexts_are_one_until_they_differ(examples, together):
         for one in (ridge, again):
             one.learn(x, target, contexts=contexts)
     for name, array in ridge.save()[1].items():
-        assert np.array_equal(array, again.save()[1][name]), "one that was saved goes on as it was"
+        assert np.array_equal(array, again.save()[1][name]), "both ridges learn the same"
     x = examples[2][0]
     np.testing.assert_array_equal(ridge.scores(x), alone(mixed).scores(x))
     for context in ALL:

@@ -188,12 +188,12 @@ def test_later_examples_count_more_than_earlier_ones_of_similar_views(lesson):
 
 def test_a_pilot_who_announces_the_change_is_followed_from_the_first_turn_on(lesson):
     lesson.mind.outdate(lesson.now + 1)
-    assert lesson.shares_at(1) == pytest.approx(SHARES), "nothing new was shown"
+    assert lesson.shares_at(1) == pytest.approx(SHARES), "nothing new has been taught yet"
     lesson.turn(RIGHT, 3)
     assert lesson.says_right_at(1)
     lesson.turn(LEFT, 1)
-    assert lesson.shares_at(1)[LEFT] >= SHARES[LEFT], "what is shown anew counts again"
-    assert lesson.says_right_at(2), "but not elsewhere"
+    assert lesson.shares_at(1)[LEFT] >= SHARES[LEFT], "examples after the change count again"
+    assert lesson.says_right_at(2), "other views do not change"
 
 
 # A change of mind of a classifier ---------------------------------------------------------------
@@ -268,4 +268,4 @@ def test_other_turns_at_other_walls_change_no_label(max_nodes, n_blocks, is_line
     for side, first_wall in (("left", 0), ("right", 4)):
         share = share_of(follows, side, first_wall)
         assert share >= share_of(keeps, side, first_wall)
-        assert share > 0.95 or (max_nodes == 8 and not is_linear), "fewer images than views"
+        assert share > 0.95 or (max_nodes == 8 and not is_linear), "there are more views than nodes"

@@ -175,7 +175,7 @@ def test_turning_standing_and_gripping_on_purpose_do_not_count_as_pushing(drive,
 
 
 def test_a_move_that_does_not_help_is_given_up_too_until_all_are_tried_again(drive):
-    assert drive.go(5, BRAKE, is_moving=True, bumped=True) is None, "its effect is not known"
+    assert drive.go(5, BRAKE, is_moving=True, bumped=True) is None, "the effect is still unknown"
     for move in (BRAKE, F):
         before = drive.barred
         drive.go(STUCK_S - 0.2, move, is_moving=False)
@@ -258,7 +258,7 @@ def test_no_votes_keep_the_robot_in_one_place_forever(rate_hz, is_free, seed):
         idle_s = 0.0 if (action is F and is_free) or action is STOP else idle_s + body.dt_s
         longest_s = max(longest_s, idle_s)
     assert longest_s < 2 * (2 * ALLOWANCE * body.pace.longest_lost_s + HELPLESS_S + ASKING_S)
-    assert STOP in sent or is_free, "behind a wall nothing helps but a hand"
+    assert STOP in sent or is_free, "behind a wall only a person can help"
 
 
 @crossed(rate_hz=[5, 10, 15, 30, 60], longest_s=[2.0, 4.0, 6.0])

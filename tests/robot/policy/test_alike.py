@@ -85,7 +85,7 @@ def test_saying_that_sides_are_alike_teaches_the_other_side_before_and_after_the
             np.testing.assert_allclose(one, other[order], atol=1e-3)
     angles = [policy.learner.linear.angle(view(policy, "right", 5)) for policy in two]
     np.testing.assert_allclose(*angles, atol=1e-3)
-    assert angles[0][0] < 0.0, "it was only ever steered to the right"
+    assert angles[0][0] < 0.0, "the policy steers left, although the pilot only ever turned right"
 
 
 def test_withdrawing_the_statement_leaves_no_trace(two):
@@ -172,7 +172,7 @@ def test_a_start_from_earlier_models_knows_their_views_and_gives_way():
             policy.learn(view(policy, wall, i), label, i / 10)
     assert says(begun, "left") is L
     assert same_state(begun.get_state(), again.get_state())
-    assert begin_like(begun, states) == 0, "too late: it has examples of its own"
+    assert begin_like(begun, states) == 0, "the policy already has examples of its own"
 
 
 def test_a_move_known_only_from_elsewhere_gets_no_votes_for_being_rare():

@@ -129,13 +129,13 @@ def test_after_a_pause_nothing_is_known_of_what_went_before(again):
     for step in range(20):
         note(contexts, F, 0.1 * step)
     assert note(contexts, again, 2.4) == BOTH
-    assert note(contexts, again, 2.4 + ONSET_S + 0.01) == BOTH, "that was a pause again"
+    assert note(contexts, again, 2.4 + ONSET_S + 0.01) == BOTH, "this gap is a pause, too"
     assert note(contexts, again, 2.6 + ONSET_S) == BOTH
     for step in range(5):
         last = note(contexts, again, 2.7 + ONSET_S + 0.1 * step)
     assert last == (context_of(again),)
     assert note(contexts, again, None) == BOTH
-    assert note(contexts, again, 4.0) == BOTH, "what went before it is not known either"
+    assert note(contexts, again, 4.0) == BOTH, "the example without a time hides what went before"
 
 
 @pytest.mark.parametrize("cut", range(0, 60, 7))

@@ -85,7 +85,7 @@ def gradients(pixels):
 def test_gradients_stay_when_the_light_changes(room):
     bright, dim, other = (gradients(pixels) for pixels in (room, room * 0.6, room[:, ::-1]))
     assert np.linalg.norm(bright - dim) < 0.1 * np.linalg.norm(bright - other)
-    assert not gradients(np.full((120, 160), 77.0)).any(), "a plain frame has none"
+    assert not gradients(np.full((120, 160), 77.0)).any(), "a plain frame has no gradients"
 
 
 @pytest.mark.parametrize("turn", range(8))

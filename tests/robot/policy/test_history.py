@@ -208,7 +208,7 @@ class Plugin(PolicyPart):
 def test_an_example_that_a_plugin_refuses_leaves_no_trace_and_undo_is_exact(done):
     policy, untouched = make_policy("default-8"), TrainingHistory(make_policy("default-8"))
     plugin, history = Plugin(policy, done), TrainingHistory(policy)
-    assert history.batch == 1, "a plugin may refuse an example"
+    assert history.batch == 1, "a plugin may refuse an example, so each batch has one"
     for number, x in enumerate(5 * vectors(policy, 26)):
         example = Example(frame_id=number, label=MOVES[number // 20 % 3], is_intervention=False)
         plugin.refuses = number in {5, 6, 28, 110, 125}
@@ -279,10 +279,10 @@ def test_declaring_earlier_examples_outdated_is_an_edit():
     teach(history, xs[:20])
     assert not is_outdated()
     history.edit("outdate")
-    assert history.events[-1].node_id == 0, "as documented"
+    assert history.events[-1].node_id == 0, "the event has the node id that is documented"
     teach(history, xs[20:], first=20)
     undo_examples(history, 0.25)
-    assert is_outdated(), "it stays when lessons are undone"
+    assert is_outdated(), "undoing examples does not undo the edit"
     assert undo_edit(history) and not is_outdated()
 
 
@@ -335,7 +335,7 @@ def test_each_change_is_counted_and_reported_once():
     assert told[-3:-1] == [Undone(frame_ids=(2,)), Undone(frame_ids=())]
     assert told[-1] == Replaced(policy_name="published-4")
     assert history.changes == len(told)
-    assert history.edits == len(told) - 3, "all but the examples"
+    assert history.edits == len(told) - 3, "the first three changes were examples, not edits"
 
 
 def test_an_exchanged_policy_keeps_its_training_which_cannot_be_undone():
@@ -346,7 +346,7 @@ def test_an_exchanged_policy_keeps_its_training_which_cannot_be_undone():
     loaded = make_policy("published-4")
     history.replace_policy(loaded, Counter({Action.FORWARD: 5}))
     assert (history.policy, history.taught.total()) == (loaded, 5)
-    assert loaded.kinds.points["left"] == Point(-0.25, 0.5), "it learns how this body steers"
+    assert loaded.kinds.points["left"] == Point(-0.25, 0.5), "the model contains the body's points"
     assert undo_examples(history, 30.0) == []
     before = loaded.get_state()
     teach(history, vectors(loaded, 2), first=3)

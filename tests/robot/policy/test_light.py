@@ -37,7 +37,7 @@ def gain_of(light, brightness, step_s=0.1):
 
 @given(taught_at=st.floats(10.0, 120.0), times=st.floats(0.1, 3.0))
 def test_a_change_of_light_is_compensated_but_a_change_of_view_is_not(taught_at, times):
-    assert gain_of(adaptation(), taught_at) == 1.0, "before the first example"
+    assert gain_of(adaptation(), taught_at) == 1.0, "nothing is adapted before the first example"
     gain = gain_of(taught(taught_at), taught_at * times)
     if 1.0 / ANOTHER_LIGHT * 1.01 < times < ANOTHER_LIGHT / 1.01:
         assert gain == 1.0

@@ -71,9 +71,9 @@ def test_a_vector_of_another_length_or_an_invalid_point_teaches_nothing(name, ba
 def test_confidence_falls_with_novelty_towards_a_guess():
     shares, novelties = [0.9, 0.1, 0.0], (0.0, 1.0, 2.0, 4.0, 1e6)
     confidences = [votes.doubted(shares, 0, 1.6, novelty) for novelty in novelties]
-    assert confidences[0] == confidences[1], "the known is not doubted"
+    assert confidences[0] == confidences[1], "a known view does not lose confidence"
     assert confidences[1:] == sorted(set(confidences[1:]), reverse=True)
-    assert confidences[-1] == pytest.approx(0.5, abs=1e-3), "a guess between the moves taught"
+    assert confidences[-1] == pytest.approx(0.5, abs=1e-3), "one of two taught moves is a guess"
 
 
 @pytest.mark.parametrize("steering", [-1.0, 1.0, 0.0])
@@ -92,7 +92,7 @@ def test_a_body_may_have_more_moves_than_fit_on_a_page(steering):
 def test_a_learners_full_name_is_made_from_its_kind_or_its_full_name(kind):
     assert full_name(kind, None, 32) == f"{kind}-32"
     assert full_name(f"{kind}-64", None, 32) == f"{kind}-64"
-    assert full_name(f"{kind}-64", 16, 32) == f"{kind}-16", "what is asked for counts"
+    assert full_name(f"{kind}-64", 16, 32) == f"{kind}-16", "an explicit size has priority"
     assert split_name(full_name(f"{kind}-64", None, 32)) == (kind, 64)
 
 
@@ -116,7 +116,7 @@ def test_the_largest_size_that_sustains_the_rate_with_a_margin_is_chosen(rate_hz
         rate_hz, cost_of=lambda size: asked.append(size) or cost(size, size * 1e-3)
     )
     assert chosen.max_nodes == expected
-    assert max(asked) == 2 * expected, "it stops at the first size that is too slow"
+    assert max(asked) == 2 * expected, "the search stops at the first size that is too slow"
     assert chosen.frame_s <= autosize.MARGIN / rate_hz
 
 

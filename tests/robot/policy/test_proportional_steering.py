@@ -111,7 +111,7 @@ def test_on_a_body_of_moves_a_curve_counts_as_the_turn_that_it_is_there():
             assert (said.point is not None) is takes_points
             known["under_way"] = Action.LEFT
             helpless[takes_points] = helpless.get(takes_points) or said.needs_help
-    assert helpless == {True: False, False: True}, "half of full lock gets on, a turn does not"
+    assert helpless == {True: False, False: True}, "half of full lock gets on, a full turn does not"
 
 
 @crossed(learner=LEARNERS, seed=range(3))

@@ -76,7 +76,7 @@ def test_edits_of_images_and_their_undos_are_learned_again_also_from_rewritten_r
     assert same_nodes(live, history.policy.get_state()) and left_out == 0
     assert len(edits) == 4 + 2 * (seed % 2) - n_undone
     later = learned(names[2:])[2]
-    assert len(later) == 2 * (seed % 2), "learned alone, it takes back nothing of its own"
+    assert len(later) == 2 * (seed % 2), "a part of the history undoes no earlier edit"
 
     edited, ids = names[1], list(store.open(names[1]).frames)
     if seed % 3 == 0:
@@ -86,7 +86,7 @@ def test_edits_of_images_and_their_undos_are_learned_again_also_from_rewritten_r
         store.edit(edited, relabel)
     before, left_out, _ = learned(names)
     n_later = max(2 - n_undone, 0) + 2 * (seed % 2)
-    assert left_out == (n_later if seed % 3 < 2 else 0), "from the first edited recording on"
+    assert left_out == (n_later if seed % 3 < 2 else 0), "later edits of images are left out"
     if n_undone > 1:  # else an edit of an image is left out
         names.insert(2, store.split(edited, ids[10]))
     store.compact(edited)

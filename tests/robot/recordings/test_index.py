@@ -252,7 +252,7 @@ def test_the_data_of_pictures_are_read_chunk_by_chunk(long: Path) -> None:
         assert moment.driven_by == "pilot" and moment.distance_m == number / 1000
         if number % 500 == 0:
             most = max(most, len(gc.get_objects()) - before)
-    assert most < 4000, "messages of two chunks at most"
+    assert most < 4000, "the reader holds the messages of two chunks at most"
     assert number == 6000
 
 
@@ -278,4 +278,4 @@ def test_counting_and_completing_leave_memory_and_processor_to_the_robot(
     clock, held = VirtualClock(0.0), len(messages(path))
     end_cut_recordings([path], clock)
     assert len(messages(path)) == held > 5000
-    assert clock.now_s() == pytest.approx(0.003 * held / 32, rel=0.1), "a rest after 32 records"
+    assert clock.now_s() == pytest.approx(0.003 * held / 32, rel=0.1), "3 ms after 32 records"

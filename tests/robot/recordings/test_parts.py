@@ -107,13 +107,13 @@ def test_a_recording_in_parts_equals_one_in_a_single_file(
     assert len(part_paths(path)) >= 5
     wanted = told(open_episode(whole))
     assert told(open_episode(path)) == wanted
-    assert len(wanted["taught"]) < 120, "lessons were undone"
+    assert len(wanted["taught"]) < 120, "examples were undone"
     [summary], single = store.summaries(), read_summary(whole)
     assert (summary.frames, summary.taught) == (single.frames, single.taught)
     assert summary.duration_s == single.duration_s and summary.damage is None
     assert summary.bytes == sum(file.stat().st_size for file in part_paths(path).values())
     monkeypatch.setattr("robot.recordings.episode.read_columns", lambda _: None)
-    assert told(open_episode(path)) == wanted, "without its indexes, too"
+    assert told(open_episode(path)) == wanted, "the parts read the same without their indexes"
 
 
 def test_every_file_is_read_by_the_library(store: EpisodeStore, path: Path) -> None:
@@ -324,4 +324,4 @@ def test_the_recorder_keeps_nothing_of_earlier_parts(tmp_path: Path) -> None:
     assert len(part_paths(tmp_path / "long.mcap")) > 10
     third = len(kept) // 3
     growth = max(kept[2 * third :]) - max(kept[third : 2 * third])
-    assert growth < 40_000, "five pages of marks: those of a part come and go"
+    assert growth < 40_000, "only the marks of the current part stay in memory, five pages at most"

@@ -85,7 +85,7 @@ def test_dates_are_those_of_the_drive_not_of_the_clocks_start(tmp_path: Path) ->
     dates_s = [json.loads(manifest[3])["created_at"]]
     with episode.path.open("rb") as file:
         dates_s += [one.create_time / 1e9 for one in make_reader(file).iter_attachments()]
-    assert dates_s == pytest.approx([1_700_000_000] * 4, abs=60), "the models and the index"
+    assert dates_s == pytest.approx([1_700_000_000] * 4, abs=60), "the dates of models and index"
 
 
 @pytest.mark.parametrize("seed", seeds(3, 10))
@@ -246,7 +246,7 @@ def test_a_run_in_which_nothing_was_taught_is_dropped_unless_somebody_wants_it(
     robot.start(Mode.AUTONOMOUS, 40)
     for scene in range(40, 60):
         robot.step(scene, None)
-    assert robot.loop.state.decision.action is not Action.STOP, "it drives itself"
+    assert robot.loop.state.decision.action is not Action.STOP, "the robot drives by itself"
     if does == "is asked for":
         robot.recorder.keep()
     elif does == "edits":

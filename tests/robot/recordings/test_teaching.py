@@ -209,7 +209,7 @@ def test_a_repair_never_makes_it_worse_and_a_large_one_shows(tmp_path: Path, n_w
     assert {d.label for d in found.mended} == {d.after for d in found.mended}
     assert 300 <= len(steps) <= count_steps([(episode, Notes())]) + count_steps([(episode, notes)])
     n_taught = [policy.n_seen for policy in made]
-    assert n_taught == [200 - found.frames] * 2, "what is compared was taught to neither learner"
+    assert n_taught == [200 - found.frames] * 2, "neither learner was taught these frames"
 
 
 def test_with_too_few_examples_there_is_no_comparison(tmp_path: Path) -> None:

@@ -106,12 +106,12 @@ def test_larger_pictures_for_viewers_do_not_change_what_is_learned_and_recorded(
                 if large is not frame:
                     assert (large.width, large.height) == (320, 240)
                     half = to_rgb(large).reshape(120, 2, 160, 2, 3).mean(axis=(1, 3))
-                    assert abs(half - to_rgb(frame)).mean() < 8, "it shows the same"
+                    assert abs(half - to_rgb(frame)).mean() < 8, "both frames show the same"
         if is_looked_at:
-            assert n_large >= sum(looks for _, looks in plan) - 1, "all but the first"
+            assert n_large >= sum(looks for _, looks in plan) - 1, "all large frames but the first"
             for _ in range(40):
                 last = camera._take()
-            assert camera.for_the_eye(last) is last, "nobody looks any more"
+            assert camera.for_the_eye(last) is last, "no viewer is left"
         driver.simulation.close()
         return taken
 
@@ -200,7 +200,7 @@ def test_a_closed_world_is_freed_when_the_next_is_drawn() -> None:
     first.close()
     second.render(pose(0))
     second.render_large()
-    assert floor.getRefCount() == 1, "only this test has it"
+    assert floor.getRefCount() == 1, "the closed renderer still refers to its floor"
     second.close()
 
 

@@ -36,7 +36,7 @@ def test_a_turn_is_18_5_degrees_a_second_about_the_standing_wheel(
         pose = move(pose, *WHEELS_MPS[action], 0.01)
         if tick == 99:
             assert math.degrees(pose.heading_rad) == pytest.approx(sign * 18.5)
-    assert pose.x_m == pytest.approx(MIDDLE.x_m, abs=1e-3), "a full turn, 19.5 s, comes back"
+    assert pose.x_m == pytest.approx(MIDDLE.x_m, abs=1e-3), "a full turn of 19.5 s"
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_the_robot_pushes_a_wall_when_it_drives_against_it(
         pushed = pushed or simulation.is_pushing
     assert pushed
     simulation.action, simulation.point = Action.LEFT, None
-    assert not simulation.is_pushing, "a turn rolls back"
+    assert not simulation.is_pushing, "a robot that turns does not push"
     assert simulation.sensors.read().bumped
     assert (simulation.sensors.read().distance_m or 0) < 0.1
 
@@ -138,7 +138,7 @@ def test_a_movable_box_yields_and_stops_at_the_wall() -> None:
     square = replace(world.obstacles[0], heading_rad=0.0)
     simulation = placed(replace(world, obstacles=(square,)), 0.6, 1.1, seconds=4.0)
     (parcel,) = simulation.world.obstacles
-    assert parcel.x_m > 1.2, "it was pushed along"
+    assert parcel.x_m > 1.2, "the robot pushed the parcel along"
     assert simulation.pose.x_m + RADIUS_M <= parcel.x_m
     simulation.step(10.0)
     (parcel,) = simulation.world.obstacles

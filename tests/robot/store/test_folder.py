@@ -198,7 +198,7 @@ def test_a_name_that_is_taken_can_stand_on_every_disk(name):
         return
     for file in (tidy, f"{tidy}.mcap", f"{tidy}.edits.json"):
         stem = file.split(".")[0].rstrip(" ").lower()
-        assert stem not in DEVICES, "Windows would open a device"
+        assert stem not in DEVICES, "Windows would open a device of this name"
         assert file == file.rstrip(". ") and not set(file) & set('<>:"/\\|?*\0')
         assert PureWindowsPath("C:/data", file).name == file
     assert check_name(tidy) == tidy
@@ -247,7 +247,7 @@ def test_a_file_that_another_program_reads_is_replaced_later_or_stays_as_it_was(
         write_whole(path, b"new")
     assert path.read_bytes() == (b"old" if is_refused else b"new")
     assert list(tmp_path.iterdir()) == [path]
-    assert bool(pauses) is isinstance(error, SharingError), "only what passes is waited for"
+    assert bool(pauses) is isinstance(error, SharingError), "only sharing errors are retried"
     assert is_refused or (len(pauses) == times and sum(pauses) < 2)
 
 

@@ -156,7 +156,7 @@ def test_a_profile_is_the_share_of_readings_below_each_threshold():
     assert profile[F][:4].tolist() == [0, 0, 0.25, 0.75]
     assert profile[F][-1] == 0.75
     assert profile[L][:3].tolist() == [0, 1, 1]
-    assert behavior_profile([F], [0.0])[F][:2].tolist() == [0, 1], "at a threshold: not below it"
+    assert behavior_profile([F], [0.0])[F][:2].tolist() == [0, 1], "0.0 is not below 0.0"
 
 
 def test_the_ssd_adds_squares_over_moves_and_thresholds():

@@ -40,7 +40,7 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
                 self.admission.left(peer)
 
             self.admission.arrive(peer, self.now_s, close)
-            assert peer in self.connections, "the newest is always accepted"
+            assert peer in self.connections, "the newest connection is always accepted"
 
     def _picked(self, pick: int) -> Peer:
         return list(self.connections)[pick % len(self.connections)]
@@ -87,7 +87,7 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
         self._ask(peer, person, lasts=lasts)
         assert peer in self.connections
         if lasts:
-            assert self.connections[peer] == person, "it need not wait for anybody's answer"
+            assert self.connections[peer] == person, "an idle connection is evicted at once"
 
     @invariant()
     def the_books_agree(self) -> None:
@@ -141,8 +141,8 @@ def test_a_newcomer_is_served_in_the_middle_of_a_flood():
         crowd.arrive(port)
         if port == 5999:
             crowd.arrive(0, "10.0.0.2")
-    assert 0 not in crowd.gone, "a flood pushes out itself, not others"
-    assert crowd.gone == sorted(crowd.gone), "the oldest first"
+    assert 0 not in crowd.gone, "a flood evicts only its own connections"
+    assert crowd.gone == sorted(crowd.gone), "the oldest connections go first"
 
 
 @pytest.mark.parametrize("held_up_s", [0.0, 3.0, 60.0])
@@ -157,7 +157,7 @@ def test_a_silent_connection_is_closed_but_not_because_the_computer_was_blocked(
         crowd.control.expire(now_s := now_s + 0.5)
     assert 4.0 <= now_s - held_up_s - 1000.0 <= LIMITS.pending_s + 0.5
     crowd.control.expire(now_s + 3600.0)
-    assert crowd.gone == [1], "a websocket stays"
+    assert crowd.gone == [1], "a websocket stays open"
 
 
 @pytest.mark.parametrize("address", ADDRESSES)
@@ -188,10 +188,10 @@ def test_no_answer_is_cut_short_for_the_request_of_somebody_else():
     crowd.control.answered(busy[4], 29.0)
     crowd.now_s = 29.5
     crowd.ask(busy[13], "other")
-    assert crowd.gone == [4], "the connection that waits for a request gives way"
+    assert crowd.gone == [4], "the idle connection makes room for the waiting request"
     crowd.now_s = 30.5
     crowd.ask(busy[14], "third")
-    assert crowd.gone == [4], "nobody has more than this one"
+    assert crowd.gone == [4], "nobody else has more connections, so this request waits"
 
 
 def test_a_new_connection_waits_for_an_idle_slot_before_it_evicts_a_busy_connection():
@@ -203,25 +203,25 @@ def test_a_new_connection_waits_for_an_idle_slot_before_it_evicts_a_busy_connect
     assert not crowd.gone and crowd.control.pending.taken == 6
     for _ in range(20):
         crowd.now_s += 0.02
-        assert not crowd.control.has_room(crowd.now_s), "nobody's answer is cut short at once"
+        assert not crowd.control.has_room(crowd.now_s), "no answer is cut short immediately"
     crowd.control.answered(("10.0.0.1", 13), crowd.now_s)
     assert crowd.wait_for_room() == 0.0
     crowd.arrive(16)
-    assert crowd.gone == [13], "an idle connection before all others"
+    assert crowd.gone == [13], "an idle connection is evicted before all others"
     assert 0.2 < crowd.wait_for_room() < 0.4
     crowd.arrive(17)
-    assert crowd.gone[-1] == 16, "who has said nothing before who waits for an answer"
+    assert crowd.gone[-1] == 16, "silent connections go before waiting requests"
     for port in range(18, 30):
         crowd.come(port, "other")
-        assert crowd.wait_for_room() < 2.5, "a STOP need not wait for who never gets an answer"
-    assert {11, 12, 13, 14, 15} < set(crowd.gone) and 10 not in crowd.gone, "a websocket stays"
+        assert crowd.wait_for_room() < 2.5, "a STOP does not wait for endless requests"
+    assert {11, 12, 13, 14, 15} < set(crowd.gone) and 10 not in crowd.gone, "a websocket stays open"
 
 
 def test_a_hanging_request_is_evicted_in_the_end_and_a_websocket_for_a_stop():
     crowd = Crowd(NetworkLimits(pending=6), 16)
     for port in range(16):
         crowd.come(port, f"page {port}", lasts=True)
-    assert crowd.wait_for_room() < 2.5, "they were there before"
+    assert crowd.wait_for_room() < 2.5, "the requests are older than the new connection"
     crowd = Crowd(NetworkLimits(pending=6, connections_each=20), 16)
     for port in range(10):
         crowd.come(port, Session(Role.VIEWER, "greedy"))
@@ -241,10 +241,10 @@ def test_a_session_whose_connections_are_all_busy_gets_429_and_keeps_them():
     assert [comes(port, 1.0) for port in range(10)] == [True] * 4 + [False] * 6
     assert not crowd.gone
     crowd.control.answered(("10.0.0.1", 2), 2.0)
-    assert comes(10, 3.0) and crowd.gone == [2], "an idle one gives way"
+    assert comes(10, 3.0) and crowd.gone == [2], "an idle connection is evicted"
     assert not comes(11, 4.0)
-    assert comes(12, 5.0, lasts=True) and crowd.gone == [2, 0], "a page's socket finds a place"
-    assert comes(13, 2.0 + LIMITS.idle_s) and crowd.gone == [2, 0, 1], "a request that hangs, too"
+    assert comes(12, 5.0, lasts=True) and crowd.gone == [2, 0], "a page's websocket gets a slot"
+    assert comes(13, 2.0 + LIMITS.idle_s) and crowd.gone == [2, 0, 1], "so is a request that hangs"
 
 
 def test_a_connection_whose_session_changes_takes_no_slot_of_another_connection():
@@ -269,8 +269,8 @@ def test_a_person_with_many_connections_never_evicts_a_person_with_fewer():
     assert come("third", 11) and gone == ["greedy"] * 3
     assert all(come("owner", 12 + n) for n in range(6))
     assert gone.count("owner") == 0 and places.has("owner")
-    assert not come("fourth", 20), "two are left for three others"
-    assert come("pilot", 21), "who drives has a place whoever wants one"
+    assert not come("fourth", 20), "the owner has six of eight slots"
+    assert come("pilot", 21), "the pilot gets a slot in any case"
 
 
 @pytest.mark.parametrize(

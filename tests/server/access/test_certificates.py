@@ -39,7 +39,7 @@ def handshake(client: ssl.SSLContext, server: ssl.SSLContext, name: str | None =
         except ssl.SSLWantReadError:
             continue
     shown = ends[0].getpeercert(binary_form=True)
-    assert shown and ends[0].version(), "the client has agreed"
+    assert shown and ends[0].version(), "the client has completed the handshake"
     return shown
 
 
@@ -58,7 +58,7 @@ def test_the_certificate_contains_the_robots_names_on_the_network(tmp_path):
     authority = made.authority.read_bytes()
     renamed = make_certificates(tmp_path, ["drivelesson.local", "desk", "desk.local"], NOW)
     certified(renamed, "drivelesson.local", "desk.local")
-    assert renamed.authority.read_bytes() == authority, "phones trust that one"
+    assert renamed.authority.read_bytes() == authority, "phones trust this authority"
 
 
 @pytest.mark.parametrize("own", ["131.220.6.5", "2600::7", "192.168.1.7", "fd00::7"])
@@ -101,13 +101,13 @@ def test_a_certificate_of_1970_is_renewed_when_the_clock_is_set(tmp_path):
     before = handshake(anybody, server)
     assert made.renew(["drivelesson.local"], NEW_YEAR) is None
     assert made.renew(["drivelesson.local"], NOW) == "the clock was set"
-    assert handshake(anybody, server) != before, "in the context that serves"
+    assert handshake(anybody, server) != before, "the server in use has the new certificate"
     assert made.renew(["drivelesson.local"], NOW) is None
     both = ["drivelesson.local", "192.168.1.7"]
     assert made.renew(both, NOW) == "names or addresses changed"
     assert made.renew(both, NOW + dt.timedelta(days=380))
-    assert made.renew(both, NEW_YEAR), "back again"
-    assert made.files.authority.read_bytes() == authority, "phones trust that one"
+    assert made.renew(both, NEW_YEAR), "the clock was set back"
+    assert made.files.authority.read_bytes() == authority, "phones trust this authority"
 
 
 def test_a_persons_own_authority_may_certify_any_name(tmp_path):

@@ -85,8 +85,8 @@ def a_connection_is_counted_from_accept_to_close(listener: AdmissionListener) ->
     (connection,) = _accept_all(listener)
     assert len(listener.admission.connections) == 1
     client.sendall(bytes(100_000))
-    assert len(connection.recv(262_144)) <= 4096, "who sends much leaves time to others"
-    assert connection.recv_into(bytearray(262_144)) <= 4096, "over TLS, too"
+    assert len(connection.recv(262_144)) <= 4096, "one sender must not delay the others"
+    assert connection.recv_into(bytearray(262_144)) <= 4096, "TLS has the same limit"
     _close(connection, client)
 
 
@@ -132,7 +132,7 @@ def without_descriptors_it_turns_away(listener: AdmissionListener, number: int) 
         patch.setattr(socket.socket, "accept", failing)
         assert _accept_all(listener) == []
     for client in clients:
-        assert client.recv(1) == b"", "it was turned away, not left waiting"
+        assert client.recv(1) == b"", "the connection was closed, not left waiting"
     _close(*clients)
 
 
@@ -154,14 +154,14 @@ def a_stop_is_handed_on_first_and_of_one_person_a_share(listener: AdmissionListe
         client.sendall(b"GET / HTTP/1.1\r\n\r\n")
     clients[50].sendall(b"POST /api/stop HTTP/1.1\r\ncookie: greedy\r\n\r\n")
     accepted = _accept_all(listener)
-    assert accepted[0].recv(20).startswith(b"POST /api/stop"), "whoever sends it, it goes first"
-    assert len(accepted) == 1 + 8 + 10, "the others of that person cost nothing more"
+    assert accepted[0].recv(20).startswith(b"POST /api/stop"), "a STOP goes first, whoever sends it"
+    assert len(accepted) == 1 + 8 + 10, "each person gets at most eight at a time"
     refused = []
     for client in clients[:40]:
         client.setblocking(False)
         with contextlib.suppress(BlockingIOError):
             refused.append(client.recv(4096))
-    assert len(refused) == 32, "none is reset"
+    assert len(refused) == 32, "each refused client gets an answer instead of a reset"
     for told in refused:
         head, body = told.split(b"\r\n\r\n")
         assert head.startswith(b"HTTP/1.1 429 ") and b"\r\nRetry-After: 1\r\n" in head
@@ -194,9 +194,9 @@ def what_a_client_has_not_read_is_known_though_its_system_has_taken_it() -> None
         while room.is_there(8000):
             connection.sendall(bytes(8000))
             sent += 1
-            assert sent < 5, "they are not counted"
+            assert sent < 5, "sent data reduces the room"
         read(8000 * sent)
         # the client's acknowledgement, which may be delayed, contains the window's size
         connection.sendall(b"x")
         wait_until(lambda: room.is_there(1))
-    assert Room(measure_connection(peer)).is_there(1), "nothing is known of a closed connection"
+    assert Room(measure_connection(peer)).is_there(1), "without a measurement, there is room"

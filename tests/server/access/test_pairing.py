@@ -62,8 +62,8 @@ def test_redeeming_again_renews_the_session_that_a_browser_has():
     phone = invited(pairing)
     assert invited(pairing, phone) == phone
     up = redeem(pairing, Role.PILOT, phone)
-    assert up != phone and pairing.find(phone) is None, "the terminal makes more of it"
-    assert invited(pairing, up) == up, "an invitation makes no less of it"
+    assert up != phone and pairing.find(phone) is None, "the new role has a new session"
+    assert invited(pairing, up) == up, "an invitation does not lower the role"
     assert redeem(pairing, Role.VIEWER, up) != up and pairing.find(up) is None
 
 
@@ -72,7 +72,7 @@ def test_a_client_that_redeems_repeatedly_evicts_no_earlier_browser(times, are_u
     pairing = Pairing(10)
     owner, eye, second = (redeem(pairing, role) for role in (Role.PILOT, EYE, Role.PILOT))
     pupil = invited(pairing)
-    assert pairing.find(pupil) and pairing.find(second), "they load the page"
+    assert pairing.find(pupil) and pairing.find(second), "both phones use their sessions"
     for _ in range(times):
         made = [invited(pairing), redeem(pairing, Role.PILOT), redeem(pairing, Role.VIEWER)]
         assert not are_used or all(map(pairing.find, made))
@@ -132,7 +132,7 @@ def watch(server: VirtualServer, key: str, headers: dict[str, str]) -> httpx.Res
 def test_a_player_without_the_key_gets_advice_and_with_it_can_only_watch(server, tmp_path):
     refused = watch(server, "", PLAYER)
     assert refused.status_code == 401 and "drivelesson player-key" in refused.text
-    assert watch(server, "?key=", PLAYER).status_code == 401, "there is no key yet"
+    assert watch(server, "?key=", PLAYER).status_code == 401, "no key exists yet"
     key = PlayerKey(tmp_path).replace()
     assert watch(server, f"?key={key}", PLAYER).status_code == 200
     assert watch(server, f"?key={key[:-1]}", PLAYER).status_code == 401
@@ -143,7 +143,7 @@ def test_a_player_without_the_key_gets_advice_and_with_it_can_only_watch(server,
         answer = httpx.request(method, f"{server.address}{path}?key={key}", headers=PLAYER)
         assert answer.status_code in (401, 405), path
     PlayerKey(tmp_path).replace()
-    assert watch(server, f"?key={key}", PLAYER).status_code == 401, "it was replaced"
+    assert watch(server, f"?key={key}", PLAYER).status_code == 401, "the key was replaced"
 
 
 def test_a_page_of_another_site_shows_the_picture_only_with_the_key(server, tmp_path):
@@ -155,7 +155,7 @@ def test_a_page_of_another_site_shows_the_picture_only_with_the_key(server, tmp_
     assert answer.headers["cross-origin-resource-policy"] == "cross-origin"
     assert answer.headers["access-control-allow-origin"] == "*"
     foreign = watch(server, key, {**OTHER_SITE, "host": "evil.example"})
-    assert foreign.status_code == 421, "names are checked all the same"
+    assert foreign.status_code == 421, "the Host header is checked even with a key"
 
 
 def test_a_stream_ends_when_its_key_is_replaced(server, tmp_path):
@@ -164,7 +164,7 @@ def test_a_stream_ends_when_its_key_is_replaced(server, tmp_path):
         for n_parts, _ in enumerate(answer.iter_raw()):
             if n_parts == 5:
                 PlayerKey(tmp_path).remove()
-            assert n_parts < 100, "it goes on"
+            assert n_parts < 100, "the stream has not ended"
     server.wait_until(lambda: server.hub.broadcast.video.viewers == 0)
 
 

@@ -152,7 +152,7 @@ def test_without_the_setting_a_request_from_a_proxy_is_told_what_to_set():
         refused = open_to_all.see_through(sent)
         assert isinstance(refused, Refusal)
         assert name in refused.sentence.lower() and "--behind-proxy" in refused.sentence
-        assert paired.see_through(sent) is sent, "not believed, and nothing lost"
+        assert paired.see_through(sent) is sent, "the headers are ignored"
     plain = scope()
     assert open_to_all.see_through(plain) is plain
 

@@ -100,8 +100,8 @@ def test_requests_for_other_names_and_of_other_sites_are_refused(
 def test_cross_site_websocket_hijacking_is_refused(here, path):
     for origin in ("http://evil.example", "null", "https://127.0.0.1", "http://127.0.0.1:1"):
         assert _socket_status(here, path, origin=origin) == 403
-    assert _socket_status(here, path, host="evil.example") == 421, "DNS rebinding"
-    assert _socket_status(here, path, origin=here.address) == 101, "our own page"
+    assert _socket_status(here, path, host="evil.example") == 421, "DNS rebinding is refused"
+    assert _socket_status(here, path, origin=here.address) == 101, "our own page is admitted"
 
 
 def test_large_bodies_are_refused_with_and_without_a_length(tmp_path):
@@ -134,7 +134,7 @@ def test_the_page_may_load_nothing_from_elsewhere(here):
     assert policy["frame-ancestors"] == policy["base-uri"] == "'none'"
     assert "unsafe" not in headers["content-security-policy"]
     assert headers["x-content-type-options"] == "nosniff"
-    assert headers["referrer-policy"] == "same-origin", "the document's own STOP is a form"
+    assert headers["referrer-policy"] == "same-origin", "STOP is a form, which needs its origin"
     assert httpx.get(here.address + "/healthz").headers["referrer-policy"] == "no-referrer"
 
 
@@ -166,9 +166,9 @@ def test_when_all_slots_are_taken_a_newcomer_evicts_the_person_with_the_most(tmp
         page(second)
         page(third)  # the client with the most connections loses one
         assert many[2].close_code == 1013
-        assert _socket_status(server, **third) == 503, "who would have as many as greedy"
+        assert _socket_status(server, **third) == 503, "all others have as few connections"
         page(owner)
-        assert many[3].close_code == 1013, "the owner comes in whoever wants a place"
+        assert many[3].close_code == 1013, "the owner evicts a client with more connections"
 
 
 def test_uploads_that_never_end_use_the_memory_of_only_two(tmp_path):
@@ -310,7 +310,7 @@ def test_a_viewer_can_change_only_its_own_pairing(lan):
             answer = httpx.request(method, lan.address + path, headers=viewer)
             if answer.status_code != 403:
                 allowed.add(path)
-    assert len(described) > 30, "extensions bring some of them"
+    assert len(described) > 30, "the routes of extensions are included"
     assert allowed == {"/api/stop", "/api/pair", "/api/unpair"} | (CLASS_PATHS & described.keys())
 
 

@@ -66,7 +66,7 @@ def test_an_address_that_comes_late_is_announced_and_shown(capsys):
     assert network.claimed == [(), ("192.168.1.7",)]
     code = f"http://192.168.1.7:8000/pair#{pairing.tokens[Role.PILOT]}"
     assert code in capsys.readouterr().out and shown == [code]
-    assert not around.look() and not capsys.readouterr().out, "said once"
+    assert not around.look() and not capsys.readouterr().out, "the address is printed only once"
     network.there, network.hostname = ["192.168.1.9", "fd99::1"], "drivelesson-2"
     around.look()
     out = capsys.readouterr().out
@@ -87,7 +87,7 @@ def test_the_computers_own_name_may_change_and_a_taken_name_is_given_up_while_it
         assert "new.local" in around and "new.school.example" in around
         assert "old.local" not in around and len(network.claimed) == 1
         network.is_taken, network.hostname = True, "drivelesson-2"
-        assert not around.look(2.0), "it is asked every ten seconds"
+        assert not around.look(2.0), "the address is looked up only every ten seconds"
         assert around.look(1.0 + CLAIM_EVERY_S) and "drivelesson-2.local" in around
 
 
@@ -190,7 +190,7 @@ def test_of_two_robots_that_nobody_named_the_second_takes_another_name(monkeypat
         wait_until(lambda: second.must_yield(high), "the second hears the first")
         wait_until(lambda: not first.must_yield(low), "the first keeps the name")
         for _ in range(2):
-            assert second.announce(high) == f"{name}-2", "it keeps it"
+            assert second.announce(high) == f"{name}-2", "the second robot keeps its new name"
         assert not second.must_yield(high)
         assert third.announce([f"{net}.4"]) == f"{name}-3"
         assert named.announce(high) == f"ada-{name}"

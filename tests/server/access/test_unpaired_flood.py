@@ -101,11 +101,11 @@ def a_pilot_drives_and_another_phone_comes_in_the_middle_of_a_flood(
                 pilot.mode("train")
         n_ended = int(flood.communicate()[0])
         modes = [message.get("mode") for message in pilot.messages[before:]]
-        assert modes.count("train") > 20, "it was stopped as long as the attack lasted"
+        assert modes.count("train") > 20, "the robot could not drive during the attack"
         pilot.drive_until(lambda: pilot.state["mode"] == "train")
         pilot.send(type="ping", client_ms=1)
         pilot.wait_for(lambda m: m["type"] == "pong")  # the pilot's connection was never cut
-    assert came_s, "no phone came while the attack lasted"
-    assert n_ended > 0.9 * (HALF_REQUESTS + IDLE), "pending connections are not closed"
+    assert came_s, "no phone was served during the attack"
+    assert n_ended > 0.9 * (HALF_REQUESTS + IDLE), "pending connections were not closed"
     with capsys.disabled():
         print(f"\nflood: {server.ask()}, came in {[round(1000 * s) for s in came_s]} ms")

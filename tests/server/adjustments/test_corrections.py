@@ -38,12 +38,12 @@ def test_a_correction_is_reported_saved_and_applied(kept, tmp_path):
     wanted = {**nothing, "turn_picture": 90, "swap_sides": True}
     assert answer == {**wanted, "possible": possible, "kept": True}
     kept.wait_until(lambda: getattr(camera.latest(), "width", 0) == frame.height)
-    assert put(kept, mirror_picture=True).json()["turn_picture"] == 90, "the others stay"
+    assert put(kept, mirror_picture=True).json()["turn_picture"] == 90, "the other corrections stay"
     again = build_rig("sim", learner="default-8")
     again.driver, again.camera = kept.rig.driver, camera
     assert CorrectionsFile(tmp_path, again, {})._wanted == Corrections.of(kept.rig)
     other = CorrectionsFile(tmp_path, build_rig("sim", learner="default-8"), {})
-    assert other._wanted == Corrections(), "another body and camera have their own"
+    assert other._wanted == Corrections(), "another body and camera have corrections of their own"
 
 
 def test_a_robot_that_drives_is_stopped_first(kept):
@@ -56,7 +56,7 @@ def test_a_robot_that_drives_is_stopped_first(kept):
         assert kept.rig.loop.mode is Mode.STOPPED
         pilot.mode("train")
         kept.wait_until(lambda: kept.driver.now is Action.RIGHT)
-        assert kept.rig.loop.state.decision.action is Action.LEFT, "it is left to everybody else"
+        assert kept.rig.loop.state.decision.action is Action.LEFT, "only the driver swaps the sides"
 
 
 def test_a_correction_that_does_not_apply_is_refused_and_changes_nothing(kept):

@@ -44,7 +44,7 @@ async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_a
     await world.clock.pause(world.dice.uniform(0, 8))
     world.board.stop()
     took_s = await world.until(lambda: all(map(latched, reached)), 5.0, "the reached stand")
-    assert took_s < STOP_S, "a robot that fails delays no other"
+    assert took_s < STOP_S, "a robot that fails does not delay the others"
     named_s = await world.until(
         lambda: {world.link(p).stop.stage for p in lost} == {Stopping.NOT_REACHED}, 5.0, str(lost)
     )
@@ -101,8 +101,8 @@ async def test_a_robot_that_stands_already_confirms_the_next_stop_on_the_open_li
         await world.until(lambda: stages() == {Stopping.STOPPED}, CONFIRM_S, "all confirm it")
         await world.clock.pause(0.7)
     assert not any("/api/stop" in path for _, path in world.network.requests)
-    assert world.board.at_leisure.is_set(), "the news continues"
-    assert all(pupil.hub.lease.owner is None for pupil in world.pupils.values()), "it has no wheel"
+    assert world.board.at_leisure.is_set(), "news arrive again"
+    assert all(pupil.hub.lease.owner is None for pupil in world.pupils.values())
 
 
 @in_class_time(robots=1)
@@ -113,27 +113,27 @@ async def test_only_a_state_that_is_newer_than_a_stop_confirms_or_clears_it(worl
     free = {"emergency": False, "stop_held_by": None, "stop_number": one.hub.emergency.number}
     world.board.stop()
     hear({"emergency": True, "stop_held_by": None})
-    assert link.stop.stage is Stopping.ASKED, "a pupil's own, which the pupil may release"
+    assert link.stop.stage is Stopping.ASKED, "this STOP is the pupil's own"
     await world.until(lambda: link.stop.stage is Stopping.STOPPED, 2.0, "by a request")
     assert any("/api/stop" in path for _, path in world.network.requests)
     number = one.hub.emergency.number
     held = {"emergency": True, "stop_held_by": "teacher", "stop_number": number}
     for late in (free, free, held):
         hear(late)
-        assert link.stop.stage is Stopping.STOPPED, "that was before the stop"
+        assert link.stop.stage is Stopping.STOPPED, "this state is from before the stop"
     hear(free)
-    assert link.stop.stage is None, "that was after it"
+    assert link.stop.stage is None, "this state is from after the stop"
     hear(held)
     world.board.release({link.number: link.stop.id})
     world.board.stop()
     hear(held)
-    assert link.stop.stage is Stopping.ASKED, "that was the stop before"
+    assert link.stop.stage is Stopping.ASKED, "this state belongs to the earlier stop"
     hear(free | {"stop_number": number})
     hear(held | {"stop_number": number + 1})
     assert link.stop.stage is Stopping.STOPPED
     await link.stop.send_again(link.stop.channel)  # the stop is sent on a new connection
     hear({"emergency": False, "stop_held_by": None})
-    assert link.stop.stage is Stopping.STOPPED, "that was on the connection before"
+    assert link.stop.stage is Stopping.STOPPED, "this state came on the earlier connection"
 
 
 @in_class_time(robots=1)
@@ -182,7 +182,7 @@ async def test_one_robot_is_stopped_and_no_other_and_shown_as_free_when_a_phone_
     one.loop.release_emergency()
     await world.until(lambda: link.stop.stage is None, 1.0, "released")
     await world.clock.pause(5.0)
-    assert not one.loop.state.emergency, "a stop that was confirmed is never repeated"
+    assert not one.loop.state.emergency, "a confirmed stop is never repeated"
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -211,7 +211,7 @@ async def test_only_the_board_releases_what_the_board_stopped(world, seed):
         await world.clock.pause(1.5)
         assert one.loop.state.emergency is latched, step
         assert bool(link.state["stop_held_by"]) is held, step
-    assert phone.errors() == ["stop_held"] * refused, "and the pupil is told why"
+    assert phone.errors() == ["stop_held"] * refused, "the pupil's page gets the reason"
 
 
 @in_class_time(robots=2)
@@ -266,7 +266,7 @@ async def test_phones_get_the_new_address_of_this_computer_and_its_robots_stay_c
     for host in ("10.0.0.5", "10.0.1.7"):
         own.append(host)
         await world.clock.pause(2 * OWN_ADDRESS_EVERY_S)
-        assert link.joined_s == joined_s, "the connection of STOP is the same"
+        assert link.joined_s == joined_s, "the connection for STOP stays the same"
         assert link.describe()["page"] == f"http://{host}:{one.port}"
         assert link.page_address().startswith(f"http://{host}:{one.port}/pair#")
 
@@ -306,12 +306,12 @@ async def test_pictures_and_news_wait_while_a_stop_is_under_way(world):
     sent = one.hub.broadcast.video.frames_sent
     await world.until(lambda: latched(one), STOP_S, "it stands")
     await world.clock.pause(CONFIRM_S - 0.1)
-    assert one.hub.broadcast.video.frames_sent <= sent + 1, "the last one was under way"
+    assert one.hub.broadcast.video.frames_sent <= sent + 1, "one picture was in transit"
     await world.until(world.board.at_leisure.is_set, CONFIRM_S, "it is told who is lost")
     assert world.link(lost).stop.stage is Stopping.NOT_REACHED
     await world.until(lambda: bool(page.pictures), 3.0, "pictures come again")
     await world.until(lambda: world.link(lost).status is Status.AWAY, 3.0, "it counts as lost")
-    assert 3.0 < world.clock.now_s() - silent_s < 4.1, "SILENCE_S, seen at the next ping"
+    assert 3.0 < world.clock.now_s() - silent_s < 4.1, "the next ping notices the silence"
     world.board.leave(page)
 
 
@@ -324,4 +324,4 @@ async def test_an_impostor_in_between_gets_no_session_and_its_messages_do_not_co
     await world.clock.pause(10.0)
     assert link.status is Status.NOT_OURS and not link.state
     joins = [path for port, path in world.network.requests if port == one.port]
-    assert "POST /api/class/join" not in joins, "the board proves nothing to it"
+    assert "POST /api/class/join" not in joins, "the board sends this robot no proof"

@@ -94,8 +94,8 @@ def test_an_orders_result_is_listed_for_each_robot_and_can_be_undone(order, grou
     assert gone["name"] == "R2" and "refused" in gone["detail"]
     assert group.models.describe() == {"order": order.value, "robots": [ours, gone, odd, away]}
     assert group.lessons == (0 if order in (ClassOrder.RESET, ClassOrder.HAND_OVER) else 12)
-    assert len(group.names()) == 2 and "R1" in group.names(), "nothing is lost"
-    assert (group.pairing.find(phone) is None) is (order is ClassOrder.HAND_OVER), "signed out"
+    assert len(group.names()) == 2 and "R1" in group.names(), "every model is still there"
+    assert (group.pairing.find(phone) is None) is (order is ClassOrder.HAND_OVER)
     [back] = group.undo()
     assert (back["number"], back["did"]) == (1, "undone")
     assert group.lessons == 12 and group.names() == ["R1"]
@@ -111,7 +111,7 @@ def test_a_robot_that_was_never_taught_saves_nothing_before_a_lesson(group):
     group.give(ClassOrder.LOAD, given, "left turns")
     assert group.names() == ["left turns"]
     assert group.undo()[0]["did"] == "undone"
-    assert group.names() == ["R1"], "an empty model is in use again"
+    assert group.names() == ["R1"], "the model in use is empty again"
 
 
 def test_a_robot_without_examples_saves_nothing_and_never_has_two_empty_models(group):
@@ -123,7 +123,7 @@ def test_a_robot_without_examples_saves_nothing_and_never_has_two_empty_models(g
     for order in (ClassOrder.RESET, ClassOrder.HAND_OVER, ClassOrder.RESET):
         ours, *_ = group.give(order)
         assert (ours["did"], ours["model"]) == (order.value, "")
-        assert len(group.names()) == 2, "the taught model, and the empty one in use"
+        assert len(group.names()) == 2, "the folder has the taught model and the empty one in use"
     ours, *_ = group.give(ClassOrder.LOAD, given, "left turns")
     assert ours["model"] == "" and group.names() == ["R1", "left turns"]
     ours, *_ = group.give(ClassOrder.RESET)  # the news of the lesson is still on its way
@@ -158,7 +158,7 @@ def test_a_robot_that_drives_is_stopped_first_and_one_that_does_not_stop_is_left
     group.server.set_mode(Mode.TRAIN)
     outcome, *_ = group.give(ClassOrder.RESET)
     assert outcome["did"] == "reset" and group.lessons == 0
-    assert group.server.rig.loop.state.emergency, "the teacher releases it"
+    assert group.server.rig.loop.state.emergency, "the stop stays until the teacher releases it"
     link.stop.close()
 
 

@@ -54,10 +54,10 @@ def test_only_a_fresh_proof_of_the_same_handshake_is_admitted(seed):
     proof = bad["key"].prove(bad["who"], str(bad["board"]), str(bad["nonce"]), bad["at"])
     at_s = now_s + bad["late_s"]
     assert room.admit(bad["board"], bad["nonce"], proof, HERE, at_s) is None, field
-    assert room.admit(mine, nonce, robot_proof, HERE, now_s) is None, "its own proof, sent back"
+    assert room.admit(mine, nonce, robot_proof, HERE, now_s) is None, "a reflected proof is invalid"
     whole = KEY.prove("board", mine, nonce, HERE)
     assert room.admit(mine, nonce, whole, HERE, now_s + 1)
-    assert room.admit(mine, nonce, whole, HERE, now_s + 1) is None, "it works once"
+    assert room.admit(mine, nonce, whole, HERE, now_s + 1) is None, "a proof works only once"
 
 
 def test_endpoints_are_written_in_one_way():
@@ -187,7 +187,7 @@ async def test_the_code_on_the_board_pairs_phone_after_phone(world):
         seen.add(token)
         assert await asker.status("POST", "/api/pair", {}, {"token": token}) == 200
         await world.clock.pause(3.6)
-    assert len(seen) > 1, "the code changes as time goes on, and the one shown is always good"
+    assert len(seen) > 1, "the displayed code changes with time, and is always valid"
 
 
 @in_class_time(robots=1)

@@ -59,7 +59,7 @@ async def test_a_robot_that_moves_keeps_its_card_and_its_stop_and_no_stop_waits_
         await comes_up(world, new)
         await world.until(partial(latched, new), 1.0, "the stop follows the robot")
         assert cards(world) == {1: new.port}
-        assert page.changed >= {1, left.number}, "the page draws both again"
+        assert page.changed >= {1, left.number}, "the page draws both cards again"
         await world.until(lambda came=came: came().stop.stage is Stopping.STOPPED, 1.0)
         world.board.release({1: came().stop.id})
         await world.until(lambda new=new: not new.loop.state.emergency, 1.0, "released")
@@ -67,7 +67,7 @@ async def test_a_robot_that_moves_keeps_its_card_and_its_stop_and_no_stop_waits_
         await new.hub.start()
         await world.until(lambda came=came: came().name == "Anew", 20.0)
         await world.clock.pause(5.0)
-        assert not new.loop.state.emergency, "a stop that was released is not sent again"
+        assert not new.loop.state.emergency, "a released stop is not sent again"
 
 
 @in_class_time(robots=2, is_told=False)

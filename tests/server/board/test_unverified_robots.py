@@ -43,7 +43,7 @@ async def test_a_thousand_foreign_announcements_do_not_keep_the_robots_of_the_cl
         return len(ours) == OWN and all(one.status is Status.THERE for one in ours)
 
     came_s = await world.until(all_there, 300.0, "all of the class are there")
-    assert host == "127.0.0.1" or came_s < 10.0, "computers take turns"
+    assert host == "127.0.0.1" or came_s < 10.0, "strangers on one host delay no other host"
     assert {one.address.port for one in world.board.robots.values()} == set(world.pupils)
     await world.drive_all(pupils)
     announce(world, FOREIGN, host)
@@ -120,7 +120,7 @@ async def test_a_robot_whose_name_is_never_resolved_is_shown_with_a_reason(world
     world.board.announce(RobotAddress("lost.local", 8000))
     await world.clock.pause(10.0)
     world.board.stop()
-    assert world.board.at_leisure.is_set(), "no robot of the class has to stop: the news continues"
+    assert world.board.at_leisure.is_set(), "no robot of the class has to stop"
     [lost] = world.board.strangers.describe()["some"]
     assert (lost["status"], lost["detail"]) == ("away", "the robot does not answer in time")
 

@@ -30,5 +30,5 @@ def test_a_postponed_module_is_loaded_when_it_is_used():
     lean, full = said_with("lean"), said_with()
     assert lean[:2] == ["", ""]
     assert lean[2] == full[2]
-    assert "logging.config" in full[0], "the witness can see what is loaded"
+    assert "logging.config" in full[0], "the check does see loaded modules"
     assert set(full[0].split()) <= set(PUT_OFF)

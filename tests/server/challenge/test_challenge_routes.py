@@ -52,7 +52,7 @@ def test_the_result_of_a_try_is_recorded_and_shown_on_the_board_on_request(tmp_p
         server.forward(0.5)
         [tried] = told(server)["tries"]
         assert tried["metres"] > 0.2 and tried["ended_by"] == "stopped"
-        assert server.services.shown() == {}, "nobody has agreed to be shown"
+        assert server.services.shown() == {}, "no pilot has agreed to be shown"
         httpx.put(f"{server.address}/api/challenge", json={"is_shown": True})
         best_m = told(server)["best_m"]
         assert server.services.shown() == {"challenge": {"best_m": best_m, "tries": 1}}

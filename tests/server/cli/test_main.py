@@ -183,7 +183,7 @@ def test_the_overview_and_the_completion_name_every_command(capsys):
     assert main(["completion", "bash"]) == 0
     script = capsys.readouterr().out
     for name in (*commands(), "--hostname"):
-        assert name in script, "what is not completed"
+        assert name in script, f"{name} is not completed"
 
 
 @pytest.mark.parametrize(

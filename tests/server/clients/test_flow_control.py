@@ -76,14 +76,14 @@ def test_eight_quick_acknowledgements_in_a_row_indicate_a_fast_link(delay_s, is_
 def test_a_fast_link_that_proves_slow_is_retried_less_and_less_often():
     window, now_s = easy_window(), 100.0
     acknowledge(window, 0.05)
-    assert window.is_easy, "as slow as it may be"
+    assert window.is_easy, "the delay is exactly at the limit"
     for pause_s in (2.0, 8.0, 32.0, 64.0, 64.0):
         acknowledge(window, 0.051, now_s)
         assert (window.is_easy, window.size) == (False, 1)
         now_s += pause_s
         for _ in range(7):
             acknowledge(window, 0.01, now_s - 0.001)
-        assert not window.is_easy, "eight again"
+        assert not window.is_easy, "eight fast answers are needed again"
         acknowledge(window, 0.01, now_s - 0.001)
         assert not window.is_easy, "the pause is not over"
         acknowledge(window, 0.01, now_s)
@@ -122,11 +122,11 @@ def test_the_window_grows_by_one_to_four_each_time_that_three_frames_were_skippe
     acknowledge(window, 0.125, 2.0, skipped=1)
     assert window.size == 2
     acknowledge(window, 0.125, 2.49, n_sent=2, skipped=3)
-    assert window.size == 2, "it waits for four delays"
+    assert window.size == 2, "the window waits for four delays"
     acknowledge(window, 0.125, 2.5)
     assert window.size == 3
     acknowledge(window, 0.125, 4.0, n_sent=3, skipped=2)
-    assert window.size == 3, "the three count anew"
+    assert window.size == 3, "three frames must be skipped again"
     acknowledge(window, 0.125, 5.0, n_sent=3, skipped=1)
     assert window.size == 4
     acknowledge(window, 0.125, 6.0, n_sent=4, skipped=3)
@@ -217,14 +217,14 @@ def note(size: PictureSize, *delays_s: float, now_s: float = 0.0) -> bool:
 
 def test_larger_pictures_come_after_eight_good_acknowledgements_in_a_row():
     size = PictureSize()
-    assert not note(size, *(7 * [0.059]), 0.06, *(7 * [0.059])), "0.06 s is not good"
+    assert not note(size, *(7 * [0.059]), 0.06, *(7 * [0.059])), "0.06 s is not fast enough"
     assert note(size, 0.059)
 
 
 def test_smaller_pictures_come_after_three_late_acknowledgements_in_a_row():
     size = PictureSize()
     note(size, *(8 * [0.059]))
-    assert note(size, 0.121, 0.121, 0.12, 0.121, 0.121), "0.12 s is not late"
+    assert note(size, 0.121, 0.121, 0.12, 0.121, 0.121), "0.12 s is not too slow"
     assert not note(size, 0.121)
 
 

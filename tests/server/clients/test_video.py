@@ -62,7 +62,7 @@ def test_the_bytes_that_vlc_waits_for_come_with_the_picture(server):
             body = received[len(head) :]
             while body.find(b"--frame", 0, waits_for - 1) < 0:
                 waits_for += 5 * 1024
-                assert len(body) >= waits_for, "it waits for the next picture"
+                assert len(body) >= waits_for, "the player would have to wait for the next picture"
             jpeg, end = body.split(b"\r\n--frame")[0], body.find(b"--frame")
             assert jpeg.startswith(b"\xff\xd8") and jpeg.rstrip(b"\0").endswith(b"\xff\xd9")
             received, pictures = body[end:], pictures + 1
@@ -78,7 +78,7 @@ def test_an_mjpeg_part_is_followed_at_once_by_the_next_header(server):
             if received.count(marker) == 5:
                 assert server.hub.broadcast.video.viewers == 1
                 break
-        assert received.endswith(marker), "a frame never waits for its end"
+        assert received.endswith(marker), "a frame is complete without the next one"
         assert received.count(b"\xff\xd8") == 5
         assert server.clock.now_s() - started_s < 2
     server.wait_until(
@@ -118,7 +118,7 @@ def test_a_stalled_viewer_is_tried_less_and_less_often_and_its_smaller_window_co
     for _ in range(60_000):  # ten minutes
         if room.is_there(10_000):
             window[0] -= 10_000
-    assert window[0] == 10_000, "it was tried after 20, 41, 82, 164 and 328 seconds"
+    assert window[0] == 10_000, "a frame was sent after 20, 41, 82, 164 and 328 seconds"
     window[0] = 100_000
     assert room.is_there(10_000)
     window[0] = 60_000  # the system offers less, but the client reads all
@@ -137,7 +137,7 @@ def test_a_viewer_gets_each_frame_once_after_its_acknowledgement_and_slows_no_ot
             busy.send(encode_acknowledgement(ids[-1]))
             ids.append(parse_picture(busy.recv(5)).frame_id)
         assert server.clock.now_s() - started_s < 1.5
-        assert ids == sorted(set(ids)) and ids[1] >= ids[0] + 3, "the newest, not the next"
+        assert ids == sorted(set(ids)) and ids[1] >= ids[0] + 3, "the newest frame is shown"
         with pytest.raises(TimeoutError):
             idle.recv(0.1)  # the viewer has acknowledged nothing
 
@@ -185,7 +185,7 @@ def test_metrics_contain_everything_that_is_promised(server):
         if not line.startswith("#")
     }
     assert values["drivelesson_loop_rate_hz"] > 10
-    assert values["drivelesson_loop_late_cycles_total"] == 0, "virtual time is never late"
+    assert values["drivelesson_loop_late_cycles_total"] == 0, "in virtual time, no cycle is late"
     assert values["drivelesson_frame_age_seconds_count"] == 3
     assert values["drivelesson_pages"] == 1 and values["drivelesson_viewers"] == 1
     assert values['drivelesson_messages_refused_total{code="malformed"}'] == 1
@@ -273,7 +273,7 @@ def test_each_link_gets_the_size_of_picture_that_it_can_carry(seed):
         assert set(screen.widths[-60:]) == {320}
     for screen in slow:
         assert set(screen.widths) == {160}
-    assert hub.frames_encoded <= 2 * 120, "each size is encoded once for all"
+    assert hub.frames_encoded <= 2 * 120, "each size is encoded once for all viewers"
     assert len(wanted) == len(set(wanted))
 
 

@@ -127,7 +127,7 @@ def test_an_export_says_how_much_and_which_times_it_wrote(data, say, capsys, mon
     assert ": 16 records" in say("episodes export last --as tub")
     assert ": 16 records" not in say("episodes export last --as tub --all")
     assert main(["episodes", "export", "last", "--as", "tub"]) == 0
-    assert "100%" in capsys.readouterr().err, "what is left out is done, too"
+    assert "100%" in capsys.readouterr().err, "frames that are left out count as done, too"
 
 
 def test_films_and_datasets_go_to_the_exports(episode_id, data, say):

@@ -40,7 +40,7 @@ def test_only_the_logs_thread_waits_for_the_terminal_and_a_record_is_one_line(mo
         end()
     assert threading.current_thread().name not in terminal.writers
     lines = terminal.getvalue().splitlines()
-    assert len(lines) == 5 + 2, "the sixth of a kind is left out"
+    assert len(lines) == 5 + 2, "only five messages of one kind are logged"
     assert " WARNING robot.control stop reason=4" in lines[4]
     assert lines[5].endswith("path=a\\nb\\rc")
     assert "it failed" in lines[6] and "two\\nlines" in lines[6]

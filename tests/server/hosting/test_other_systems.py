@@ -67,7 +67,7 @@ def test_the_loop_accepts_through_the_limiting_listener(monkeypatch):
     serving.run(look())
     assert isinstance(seen[0], asyncio.SelectorEventLoop)
     monkeypatch.setitem(sys.modules, "resource", None)
-    assert 32 < connection_capacity() < 512, "more than Windows can wait for"
+    assert 32 < connection_capacity() < 512, "Windows can wait for fewer than 512 sockets"
 
 
 class CoarseClock(VirtualClock):

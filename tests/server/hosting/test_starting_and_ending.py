@@ -105,7 +105,7 @@ def _check_a_computation_neither_delays_the_end_nor_logs_an_error() -> None:
             client.sendall((head + kind).encode())
             assert process.stdout.readline() == b"begun\n"
             process.send_signal(signal.SIGINT)
-            assert client.recv(100) == b"", "the request is given up"
+            assert client.recv(100) == b"", "the server drops the request"
         process.stdin.close()
         errors = process.stderr.read().decode()
         assert process.wait(60) == 0

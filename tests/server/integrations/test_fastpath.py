@@ -156,7 +156,7 @@ async def flood_for_a_minute(first: bytes, again: bytes, n_at_a_time: int) -> No
         time=lambda: now_s, call_later=lambda wait_s, call: later.append((now_s + wait_s, call))
     )
     protocol.data_received(700 * PING + stop)
-    assert heard == [STOP_TEXT], "a burst is read whole"
+    assert heard == [STOP_TEXT], "a burst is read completely"
 
     n_frames, piece = 0, again * n_at_a_time
     protocol.data_received(first)
@@ -169,4 +169,4 @@ async def flood_for_a_minute(first: bytes, again: bytes, n_at_a_time: int) -> No
             assert n_frames < (now_s - began_s + BURST_S) / FRAME_S + 1000
         now_s, call = later.pop(0)
         call()
-    assert len(getattr(protocol, "frames", ())) < 10, "parts without an end"
+    assert len(getattr(protocol, "frames", ())) < 10, "fragments without an end are not collected"

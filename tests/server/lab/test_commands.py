@@ -62,7 +62,7 @@ def test_learning_again_gives_the_nodes_of_driving_and_saves_them(episode_id, da
     assert (tmp_path / "m.npz").stat().st_size > 1000
     file = EpisodeStore(Storage(data)).path(episode_id)
     told = say(f"learn last {episode_id} {file} --check")
-    assert "60 examples" in told and SAME in told, "named twice, it is learned once"
+    assert "60 examples" in told and SAME in told, "a recording that is named twice is learned once"
     say("episodes trim last --from 0.5 --to 2.5")
     assert "it was edited" in say("learn last --check", status=2)
 
@@ -170,7 +170,7 @@ def test_a_server_that_does_not_end_is_killed_and_this_is_reported(monkeypatch):
         monkeypatch.setattr(served._process, "join", lambda patience_s: None)
     monkeypatch.undo()
     served._process.join()
-    assert served._process.exitcode, "it was killed"
+    assert served._process.exitcode, "the process was killed"
 
 
 def test_bench_learner_writes_figures_for_every_size(tmp_path, monkeypatch, capsys):

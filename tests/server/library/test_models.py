@@ -158,7 +158,7 @@ def test_a_model_is_renamed_copied_deleted_and_restored_by_requests(bench):
     assert bench.client.patch("/api/models/Küche", json=change).status_code == 409
     models = bench.client.get("/api/models").json()["models"]
     assert {one["name"] for one in models} == {"Küche", "Küche (2)"}
-    assert {one["place"] for one in models} == {"home"}, "a refusal changes nothing"
+    assert {one["place"] for one in models} == {"home"}, "a refused request changes nothing"
 
 
 @pytest.mark.parametrize("is_deleted", [False, True])
@@ -166,7 +166,7 @@ def test_after_a_kill_a_model_has_the_name_that_it_was_given_last(bench, is_dele
     bench.server.teach(5)
     bench.client.post("/api/models/save")
     undone = bench.client.post("/api/teaching/undo", json={"seconds": 0.12})
-    assert undone.status_code == 200, "which only the journal has"
+    assert undone.status_code == 200, "only the journal contains this undo"
     bench.client.patch("/api/models/bench", json={"name": "Küche"})
     assert bench.client.patch("/api/models/bench", json={"name": "bench"}).status_code == 404
     if is_deleted:

@@ -93,7 +93,7 @@ def test_a_recording_is_titled_edited_compacted_deleted_and_restored(server, cli
     client.post(f"{path}/edits", json=edits[2])
     assert client.post(f"{path}/compact").json()["undo"]
     assert client.get(path).json()["first_frame"] == first + 5
-    assert client.delete(path).status_code == 409, "it is protected"
+    assert client.delete(path).status_code == 409, "the recording is protected"
     client.patch(path, json={"protected": False})
     undo = client.delete(path).json()["undo"]
     assert client.get(path).status_code == 404

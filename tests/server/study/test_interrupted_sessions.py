@@ -108,7 +108,7 @@ def test_after_a_power_cut_the_robot_has_its_own_model_and_the_session_goes_on(t
     with started_again(tmp_path / "second") as server:
         assert session(server) is None
         current, names, arrays, moves = standing(server)
-        assert (names, arrays, moves) == before[1:], "nothing is left of it among the models"
+        assert (names, arrays, moves) == before[1:], "the session leaves nothing among the models"
         assert current == before[0]
         listed = ask(server, "GET", "/api/studies/walk").json()["sessions"]
         assert [(s["participant"], s["step"]) for s in listed] == [("P01", "drive")]

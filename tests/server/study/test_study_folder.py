@@ -35,11 +35,11 @@ def test_a_withdrawn_participant_leaves_nothing_and_frees_the_place(server, tmp_
     ask(server, "DELETE", "/api/session")
     assert "all 2 places" in refused(server, "/api/session", study="walk", participant="P03")
     kept = list((tmp_path / "studies/walk").rglob("P01*"))
-    assert len(kept) == 3, "a log and two models"
+    assert len(kept) == 3, "the session has a log and two models"
     driven = {id for row in rows(server) for id in row["recordings"].split()}
     assert len(driven) >= 2 and own and not own & driven
     gone = ask(server, "DELETE", f"/api/episodes/{min(driven)}")
-    assert gone.status_code == 200, "one of the recordings is in the trash by now"
+    assert gone.status_code == 200, "one of the recordings is now in the trash"
     answer = ask(server, "DELETE", "/api/studies/walk/sessions/P01")
     assert answer.status_code == 200, answer.text
     deleted = answer.json()["deleted"]
@@ -169,4 +169,4 @@ def test_a_question_with_the_name_of_another_column_is_refused_in_a_new_plan(
         ConfigurationError, match=f"the name '{name}' is used for two phases.csv columns"
     ):
         StudyFolder(Storage(tmp_path)).create("walk", text)
-    assert name in {question.name for question in parse_plan(text).questions}, "an old one is read"
+    assert name in {question.name for question in parse_plan(text).questions}, "old plans work"

@@ -139,7 +139,7 @@ def test_a_caller_that_does_not_authenticate_in_time_is_disconnected(
         brick.clock.sleep(0.1)
     while line.recv(1024):
         pass
-    assert brick.clock.now_s() - began_s == pytest.approx(callers.JOIN_S, abs=0.06), "and a tick"
+    assert brick.clock.now_s() - began_s == pytest.approx(callers.JOIN_S, abs=0.06)
 
 
 @pytest.mark.parametrize("noise", [b"GET / HTTP/1.1\r\n\r\n", wire.pack_json({"do": 7})])
@@ -169,7 +169,7 @@ def test_the_agent_survives_errors_of_accept() -> None:
     for _ in range(3):
         assert door.is_open(now_s)
         door.accept(now_s)
-        assert not door.is_open(now_s), "the error would come again at once"
+        assert not door.is_open(now_s), "the next accept would fail at once"
         now_s += callers.ACCEPT_PAUSE_S
     listener.arrived.append(connected(Net(VirtualClock()))[1])
     door.accept(now_s)
@@ -206,7 +206,7 @@ def test_the_agent_stops_the_motors_500_ms_after_the_last_command(
     last_s = brick.commands[-1].at_s
     brick.wait_until(lambda: brick.commands[-1].command == "stop", 1)
     took_s = brick.commands[-1].at_s - last_s
-    assert took_s == pytest.approx(agent_server.WATCHDOG_S, abs=0.05 + 2 * POLL_S), "and a tick"
+    assert took_s == pytest.approx(agent_server.WATCHDOG_S, abs=0.05 + 2 * POLL_S)
 
 
 def test_of_several_commands_that_were_held_up_only_the_last_counts(
@@ -254,7 +254,7 @@ def test_a_message_that_the_controller_did_not_send_ends_its_connection_and_stop
             }[idea],
         )
     brick.wait_until(lambda: not brick.is_moving(), 0.3)
-    assert driven_speeds(brick) == {360}, "only the owner was obeyed"
+    assert driven_speeds(brick) == {360}, "the motors obeyed only the owner"
     assert agent._agent._controller is None
     driver.disconnect()
     with make_driver(agent) as again:
@@ -271,7 +271,7 @@ def test_a_silent_brick_is_sent_no_move(
     brick.clock.sleep(SILENCE_S + 0.05)
     with pytest.raises(DriveError, match="does not answer"):
         driver.send_action(Action.FORWARD)
-    assert not brick.is_moving(), "its last move has ended by itself"
+    assert not brick.is_moving(), "the brick's last move has ended by itself"
 
 
 def test_a_computer_that_paused_while_it_connected_still_opens_the_body(
@@ -316,7 +316,7 @@ def test_a_body_that_is_not_back_with_the_connection_is_reported_until_it_is(
         (brick.root / "away").rename(there)
         clock.sleep(2 * REJOIN_S)
         assert driver.sense().bumped is False
-        assert not brick.is_moving(), "it waits for an order"
+        assert not brick.is_moving(), "the brick waits for an order"
         driver.send_action(Action.FORWARD)
         brick.wait_until(brick.is_moving)
 
@@ -339,7 +339,7 @@ def test_motors_that_are_missing_or_do_not_answer_are_named(
             driver.link.answer("states")
         send_bytes(driver, sealed_run(driver))
         brick.wait_until(lambda: "do not answer" in str(driver.link.report.get("fault")))
-        assert driver.link.fault is None, "the connection stays"
+        assert driver.link.fault is None, "the connection stays open"
 
 
 # Sensors and the camera ---------------------------------------------------------------------------

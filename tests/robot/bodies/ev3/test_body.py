@@ -78,7 +78,7 @@ def test_a_motor_that_was_unplugged_is_found_again(brick: FakeBrick) -> None:
         with pytest.raises(DriveError, match="outB and outC do not answer"):
             driver.send_action(Action.FORWARD)
         brick.catch_up()
-        assert not brick.is_moving(), "the other motor stands as well"
+        assert not brick.is_moving(), "the other motor stops, too"
         with pytest.raises(DriveError, match="no right motor at port outC"):
             driver.send_action(Action.FORWARD)
         brick.add_motor("outC")
@@ -228,16 +228,16 @@ def test_the_buttons_are_grabbed_and_given_back(
 
     monkeypatch.setattr(console.fcntl, "ioctl", ioctl)
     with make_driver(brick) as driver:
-        assert grabs[-1] == 1, "the brick's menu does not hear them"
+        assert grabs[-1] == 1, "the driver has taken the keys from the brick's menu"
         brick.press(console.KEY_BACK, for_s=1.0)
         assert driver.take_button() is BodyButton.STOP
         assert grabs[-1] == 1
         brick.press(console.KEY_BACK, for_s=console.MENU_S)
         assert driver.take_button() is BodyButton.STOP
-        assert grabs[-1] == 0, "held long, Back leads to the menu, as ever"
+        assert grabs[-1] == 0, "a long press of Back gives the keys to the brick's menu"
         brick.press(console.KEY_ENTER)
-        assert driver.take_button() is None, "it is the menu's: it may switch the brick off"
+        assert driver.take_button() is None, "in the menu, this key may switch the brick off"
         driver.show(Mode.TRAIN)
-        assert grabs[-1] == 1, "and the next start takes them again"
+        assert grabs[-1] == 1, "the next start takes the keys again"
         brick.press(console.KEY_ENTER)
         assert driver.take_button() is BodyButton.START

@@ -196,7 +196,7 @@ def test_a_sound_brick_is_reported_as_in_the_guide_and_a_busy_one_is_one_clear_l
     assert "All is well." in printed and not brick.is_moving()
     shown = "".join(f"    {line}".rstrip() + "\n" for line in printed.splitlines())
     shown = shown.replace("brick at brick,", "brick at 127.0.0.1,")
-    assert masked(shown) in masked(GUIDE.read_text()), f"put this into {GUIDE}:\n{shown}"
+    assert masked(shown) in masked(GUIDE.read_text()), f"{GUIDE} must contain this text:\n{shown}"
     with Ev3RemoteDriver(Ev3RemoteOptions(), doctored.link()):
         assert main(["brick", "doctor", ADDRESS]) == 1
     error = capsys.readouterr().err
@@ -210,7 +210,7 @@ def test_a_sound_brick_is_reported_as_in_the_guide_and_a_busy_one_is_one_clear_l
 @pytest.mark.realtime
 def test_the_command_examines_a_simulated_brick(capsys: pytest.CaptureFixture[str]) -> None:
     for _ in range(10):  # a computer that is paused for a moment loses the brick, and reports it
-        assert main(["brick", "doctor", "--fake"]) in (0, 1), "1 if a busy computer is slow"
+        assert main(["brick", "doctor", "--fake"]) in (0, 1), "the computer may be too slow"
         said, error = capsys.readouterr()
         if "does not answer" not in error:
             break

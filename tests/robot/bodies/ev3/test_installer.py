@@ -86,13 +86,13 @@ def test_the_agent_is_copied_and_started_twice_and_again_when_it_dies(
     assert main(["brick", "agent", "127.0.0.1", "--port", str(port)]) == 0
     first = agent_pid.read_text()
     assert main(["brick", "agent", "127.0.0.1", "--port", str(port)]) == 0
-    assert agent_pid.read_text() != first, "the new one took the place of the old one"
+    assert agent_pid.read_text() != first, "a new agent has replaced the old one"
     assert (far_home / "targets").read_text().split() == ["robot@127.0.0.1"] * 2
     assert f"--brick 127.0.0.1:{port}" in capsys.readouterr().out
     assert secret_path("127.0.0.1").stat().st_mode & 0o077 == 0
     options = Ev3RemoteOptions(brick=f"127.0.0.1:{port}")
     with Ev3RemoteDriver(options) as driver:
-        assert driver.is_connected, "the kept secret opens the door"
+        assert driver.is_connected, "the saved secret is valid"
     log = far_home / "drivelesson/agent.log"
     starts = log.read_text().count("listening")
     keeper = agent_pid.read_text().strip()
@@ -195,7 +195,7 @@ def test_a_packed_server_is_installed_without_building_anything(
     assert main(["brick", "pack", str(file), *mirror, "--keep", str(tmp_path / "keep")]) == 0
     assert f"install root@ADDRESS --from {file}" in capsys.readouterr().out
     assert main(["brick", "install", "10.0.0.9", "--from", str(file)]) == 0
-    assert builds == [("trixie", "http://mirror.example/debian")], "once, to be packed"
+    assert builds == [("trixie", "http://mirror.example/debian")], "only `pack` builds the root"
     there = far_home / "opt/drivelesson"
     assert (there / "root/usr/lib/python3/this.py").is_file()
     assert (there / "packages").read_text().startswith("trixie python3 ")

@@ -200,7 +200,7 @@ def it_is_taught_and_drives_in_36_mb(served: Served, capsys: pytest.CaptureFixtu
         brick.wait_until(lambda: not brick.is_moving(), 120)
         state = pilot.state
         picture = watcher.frames[-1]
-    assert (picture[1], len(picture)) == (1, 24 + film_camera.SIZE), "YUYV goes as it is"
+    assert (picture[1], len(picture)) == (1, 24 + film_camera.SIZE), "YUYV is not converted"
     assert state["learner"] == f"{LEARNER}-32"
     with capsys.disabled():
         print(f"\nmemory at 32 nodes: {memory['resident']:.1f} MB resident (guest pages)")

@@ -107,7 +107,7 @@ def test_moves_turn_the_right_wheels_and_carry_their_time(brick: StockFirmware) 
     brick.devices[0x11] = 8
     with driver_for(brick) as driver:
         driver.send_action(Action.FORWARD)
-        assert brick.motors[1].percent == 23, "a medium motor gets its own power"
+        assert brick.motors[1].percent == 23, "a medium motor gets less power"
 
 
 def test_sensors_are_found_and_read(brick: StockFirmware) -> None:

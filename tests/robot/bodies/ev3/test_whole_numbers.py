@@ -128,7 +128,7 @@ def test_its_sums_are_exact_whatever_is_learned_unlearned_and_relabelled(steps):
         ridge.learn(x, np.array([1.0]))
     ridge.add_label()
     ridge.add_label()
-    assert ridge.scores(xs[0])[1:].tolist() == [0.0, 0.0], "new labels begin at zero"
+    assert ridge.scores(xs[0])[1:].tolist() == [0.0, 0.0], "new labels start at zero"
     for x, target in zip(xs[20:], targets[20:], strict=True):
         ridge.learn(x, target)
     for x, target in zip(xs[200:], targets[200:], strict=True):

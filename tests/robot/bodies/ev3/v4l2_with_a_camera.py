@@ -38,7 +38,7 @@ def newest(camera: V4l2Camera, after: int = 0) -> Frame:
 def check_it_is_the_ramp(frame: Frame) -> None:
     pixels = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.width, 2)
     assert frame.encoding is Encoding.YUYV
-    assert (pixels[:, :, 1] == 128).all(), "colours stay colours"
+    assert (pixels[:, :, 1] == 128).all(), "the colour bytes stay unchanged"
     steps = [np.unique(np.diff(pixels[:, :, 0], axis=axis)).tolist() for axis in (0, 1)]
     assert steps[0] == steps[1] and len(steps[0]) == 1
 
@@ -54,7 +54,7 @@ def test_yuyv_comes_as_it_is_and_a_broken_camera_is_noticed_and_picked_up_again(
             return time.monotonic() - now.captured_s if now is not None else 0.0
 
         wait_until(lambda: age_s() < 0.1)
-        assert age_s() >= 0.00499, "the made-up camera takes its pictures 5 ms before"
+        assert age_s() >= 0.00499, "a picture is 5 ms old when it is delivered"
         behave("gone", os.environ["FAKE_VIDEO"])
         wait_until(lambda: f"{DEVICE} was unplugged" in str(running.fault))
         shown = newest(running).frame_id

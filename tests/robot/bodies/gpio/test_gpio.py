@@ -83,7 +83,7 @@ def test_each_move_ends_in_time_whatever_orders_come(
             if wheels.left_ms(now_ms) == 0:
                 wheels.tick(now_ms)
             if any(motor.value for motor in turning):
-                assert now_ms - moved_ms < 500, "counted from what its sender had seen"
+                assert now_ms - moved_ms < 500, "the time counts from the sender's newest report"
         assert all(abs(motor.value) <= 1 for motor in motors)
         assert point or all(abs(motor.value) <= 0.6 for motor in turning)
 
@@ -243,7 +243,7 @@ def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> N
             send_until(driver, Action.FORWARD, is_another)
             driver.stop()
             wait_until(lambda: not any(pins(notes).values()), "it stands")
-            assert program_pid(driver) == program, "no other had to be started first"
+            assert program_pid(driver) == program, "the driver still uses the same program"
         os.killpg(program, signal.SIGKILL)
         send_until(driver, Action.FORWARD, lambda: program_pid(driver) != program)
         last = keeper_pid(driver)

@@ -215,7 +215,7 @@ def test_time_passes_only_during_a_move_and_a_new_game_follows_the_last() -> Non
         assert game is not None
         assert (game.number, game.score, game.reward) == (1, 9.0 - (n - 1), 9.0)
         for _ in range(round(OVER_S / 0.1)):
-            assert body.sense().game == game, "its end can be seen for a while"
+            assert body.sense().game == game, "the end of a game stays visible for a while"
             body.send_action(Action("right"))
             body.advance(0.1)
         game = body.sense().game
@@ -277,7 +277,7 @@ def test_a_slow_computer_neither_stops_the_robot_nor_misses_a_step() -> None:
             assert seq < 3 or decision.mode is Mode.TRAIN, decision.stop_reason
     steps = np.diff(list(dict.fromkeys(seen)))
     assert len(steps) > 4 and (steps > 0).all()
-    assert steps.max() <= 5, "one step of four pixels at a time: none was missed"
+    assert steps.max() <= 5, "each step moves by four pixels, so no frame was missed"
 
 
 @pytest.mark.parametrize("takes_s", [0.7, 3.0])
@@ -307,7 +307,7 @@ def test_a_slow_environment_does_not_stop_the_robot(
         pilot.is_silent = True
         steps = state.frame_id or 0
         server.wait_until(lambda: server.rig.loop.state.sent is Action.STOP, 99.0)
-        assert (server.rig.loop.state.frame_id or 0) - steps <= 6, "without a pilot it stands"
+        assert (server.rig.loop.state.frame_id or 0) - steps <= 6, "without a pilot the robot stops"
 
 
 # Environments as other people write them ---------------------------------------------------------

@@ -68,7 +68,7 @@ class Typist:
 @pytest.mark.realtime
 def test_a_hub_is_driven_again_after_it_hung_or_was_lost(hub: FakeHub) -> None:
     """One hub is used for the whole test: its program runs until somebody ends it."""
-    assert len(PROGRAM.read_text().splitlines()) <= 80, "it fits a page"
+    assert len(PROGRAM.read_text().splitlines()) <= 80, "the program fits on one page"
     a_hub_that_is_missing_or_runs_another_program_is_told(hub)
     driver = driver_for(hub)
     check_real_driver(driver, as_reported(driver, lambda: hub.is_moving))
@@ -109,7 +109,7 @@ def moves_are_timed_by_the_hub(hub: FakeHub) -> None:
         assert not hub.is_moving
         send_until(driver, Action.FORWARD, lambda: hub.light == "green")
         wait_until(lambda: hub.light == "red", "nobody talks to it")
-        assert hub.told[-1][2] == 0, "it brakes, too"
+        assert hub.told[-1][2] == 0, "the robot also brakes"
 
 
 def a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub: FakeHub) -> None:
@@ -150,7 +150,7 @@ def the_hubs_button_ends_the_drive_and_starts_it_again(hub: FakeHub) -> None:
         hub.end_program()
         assert not hub.is_moving
         assert "button" in error_while_driving(driver)
-        assert hub.process is None, "a program that a person ended is not started by us"
+        assert hub.process is None, "the driver does not restart a program that a person ended"
         hub.start_program()
         send_until(driver)
 
@@ -173,7 +173,7 @@ def replayed_late_and_unknown_orders_only_stop(hub: FakeHub) -> None:
     typist.drive("right 9999 7.5")
     last = moved(hub)[2:]
     assert [told[:2] for told in last] == [("A", -150.0), ("B", -150.0)]
-    assert all(told[2] <= 500 for told in last), "and not for its 9999 ms"
+    assert all(told[2] <= 500 for told in last), "an order lasts at most 500 ms, not 9999"
 
 
 RUBBISH = ("", "?", "a b c d e", "forward x 1 2 0", "\xff\xfe", "forward 400 nan 3 x", "x" * 5000)

@@ -94,7 +94,7 @@ def moves_turn_the_wheels_and_end_by_themselves(robot: FirmwareRobot) -> None:
     assert turned == {(-0.25, 0.25)}
     began_s = next(move[0] for move in robot.moves if any(move[1:]))
     stood_s = next(move[0] for move in robot.moves if move[0] > began_s)
-    assert stood_s - began_s >= ACTION_TIMEOUT_S - 0.1, "it does not stop before its time"
+    assert stood_s - began_s >= ACTION_TIMEOUT_S - 0.1, "the robot stopped too early"
 
 
 def a_wrong_secret_moves_nothing_and_is_told(robot: FirmwareRobot) -> None:

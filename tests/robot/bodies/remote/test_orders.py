@@ -225,7 +225,7 @@ def test_a_robot_that_answers_late_still_obeys(lag: int) -> None:
         try:
             driver.send_action((Action.FORWARD, Action.LEFT)[number % 2])
         except DriveError:
-            assert number < lag, "as soon as the first answer is there, it is heard"
+            assert number < lag, "the driver accepts orders as soon as the first answer has arrived"
 
 
 @pytest.mark.parametrize("points", [True, False, "yes"])

@@ -70,7 +70,7 @@ def test_no_history_of_drops_and_renames_leads_to_another_hub() -> None:
                 hub, device = asyncio.run(find_hub(hubs, same, hubs.clock))
             except ConnectionError as error:
                 n_refused += (is_refused := "match:" in str(error))
-                assert not (is_refused and same.chosen), f"it knows which one: {error}"
+                assert not (is_refused and same.chosen), f"the driver knows its device: {error}"
             else:
                 n_found += 1
                 same.chosen = same.chosen or hub
@@ -177,7 +177,7 @@ def test_a_robot_in_the_place_of_another_is_named_and_never_driven() -> None:
         with pytest.raises(DriveError, match="'Ben' answers there now, not 'Anna'"):
             driver.sense()
     assert (driver.device, ben.moves) == ("Anna", 0)
-    assert ben.asked <= 1, "only what was on its way"
+    assert ben.asked <= 1, "the other robot got only messages that were already in transit"
     there[0] = anna
     clock.advance(1.0)
     driver.sense()

@@ -53,7 +53,7 @@ def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
         for _ in range(20):
             driver.sense()
         assert robot.connections == 2
-        assert robot.ends_s == moved_s, "it asked, and gave no order"
+        assert robot.ends_s == moved_s, "the driver only asked, and sent no order"
         send_until(driver, Action.LEFT, lambda: robot.is_moving)
 
 

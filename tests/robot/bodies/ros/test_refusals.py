@@ -72,7 +72,7 @@ def test_a_refusal_counts_for_a_second_and_a_warning_is_written_once(
     warning = {"op": "status", "level": "warning", "msg": "slow"}
     assert not any(refusals.take(warning, 1.0) for _ in range(5))
     assert caplog.messages == ["rosbridge warns: slow"] and not refusals.at(1.0)
-    assert refusals.take({"id": "publish:/a", "msg": 7}, 2.0), "no level: it is in doubt"
+    assert refusals.take({"id": "publish:/a", "msg": 7}, 2.0), "without a level it is a refusal"
     assert refusals.at(2.0 + 0.9 * REFUSED_S) == "publish:/a: 7"
     assert not refusals.at(2.0 + REFUSED_S)
 

@@ -263,7 +263,7 @@ def a_refusal_is_an_error_until_the_bridge_accepts_the_topic(
         said = hears(driver)
         assert says in said and said.endswith("start with --stamped true")
         time.sleep(1.2 * REFUSED_S)
-        assert hears(driver) == said, "it is refused still"
+        assert hears(driver) == said, "rosbridge still refuses the topic"
         ros.answers = lambda asked: []
         wait_until(lambda: not hears(driver, 0.05))
 
@@ -296,4 +296,4 @@ def test_a_foreign_client_hears_what_we_say() -> None:
     assert [speeds(message) for message in heard] == [(0.0, 0.0), (0.2, 0.0)]
     assert {part: set(theirs[part]) for part in theirs} == {
         part: set(heard[1][part]) for part in heard[1]
-    }, "the same message, field by field"
+    }, "the fields are equal"

@@ -88,7 +88,7 @@ def velocity(x: float) -> dict[str, Any]:
 
 def test_while_another_node_drives_it_stands_and_says_so(robot: Robot) -> None:
     robot.node.hear("/cmd_vel", velocity(0.2))
-    assert not robot.is_disputed, "nobody drives from here: the other may"
+    assert not robot.is_disputed, "another node may drive while no order comes from here"
     robot.order(0.3)
     for own_or_stop in (0.3, 0.0):
         robot.node.hear("/cmd_vel", velocity(own_or_stop))
@@ -98,7 +98,7 @@ def test_while_another_node_drives_it_stands_and_says_so(robot: Robot) -> None:
         robot.clock.sleep(0.1)
         robot.speed = 0.2
         robot.node.hear("/cmd_vel", velocity(0.2))
-        assert robot.speed == 0.0, "each velocity of the other is answered by zero"
+        assert robot.speed == 0.0, "the watchdog answers each velocity of the other node by zero"
     robot.clock.sleep(0.1)
     assert robot.is_disputed
     robot.order(0.3)
@@ -179,7 +179,7 @@ def test_without_the_watchdogs_sign_of_life_nothing_moves(watched: Any) -> None:
         clock.sleep(0.1)
         assert bridge.is_moving
         bridge.end()
-        assert not bridge.is_moving, "its last word"
+        assert not bridge.is_moving, "the watchdog's last message stops the robot"
         clock.sleep(0.5)
         with pytest.raises(DriveError, match=r"watchdog does not answer.*watchdog\.py"):
             driver.send_action(Action.FORWARD)

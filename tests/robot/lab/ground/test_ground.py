@@ -76,7 +76,7 @@ def test_in_a_demonstration_only_the_teacher_drives():
 def test_only_mistakes_are_corrected_up_to_the_number_of_examples():
     learner, course = taught(Lamp(), "corrections", 60)
     assert (learner.n_examples, course.takeovers) == (FIRST_EXAMPLES, 0)
-    assert course.decisions > 10 * FIRST_EXAMPLES, "it had its chances"
+    assert course.decisions > 10 * FIRST_EXAMPLES, "the robot had enough decisions to learn"
     learner, course = taught(Turncoat(), "corrections", 60)
     assert learner.n_examples == 60 and course.takeovers >= 1
 
@@ -98,7 +98,7 @@ def test_the_teacher_reaches_the_goal_and_a_run_reports_it(name):
     with contextlib.closing(make_world(name)) as world:
         first = world.reset(11)
         assert first.dtype == np.uint8 and first.ndim == 3 and first.shape[2] == 3
-        assert (world.reset(11) == first).all(), "a seed repeats its episode"
+        assert (world.reset(11) == first).all(), "the same seed gives the same episode"
         assert (world.reset(12) != first).any()
         is_over, n = False, 0
         while not is_over:

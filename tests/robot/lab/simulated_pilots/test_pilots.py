@@ -125,4 +125,4 @@ def test_the_pilot_looks_equally_often_at_any_frame_rate(rate_hz, looks_hz):
     seen_s = looks(HumanDelayConfig(looks_hz=looks_hz), rate_hz)
     assert len(seen_s) == pytest.approx(20 * looks_hz, abs=2)
     ages_s = [i / looks_hz - at_s for i, at_s in enumerate(seen_s)]
-    assert all(-1e-3 <= age_s < 1 / rate_hz + 1e-3 for age_s in ages_s), "the picture of then"
+    assert all(-1e-3 <= age_s < 1 / rate_hz + 1e-3 for age_s in ages_s), "always the newest"

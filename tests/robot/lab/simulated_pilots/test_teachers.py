@@ -90,13 +90,13 @@ def test_the_teacher_tolerates_moves_that_do_no_harm_but_no_long_stay():
     teacher = Wanderer((L, R), TeacherParams(turn_at_m=0.2, go_at_m=0.5, danger_m=0.06))
     assert teacher.tolerates(situation(wall_m=1.0), F)
     assert not teacher.tolerates(situation(wall_m=0.05), F)
-    assert not teacher.tolerates(situation(wall_m=1.0), L), "it turns where there is room"
+    assert not teacher.tolerates(situation(wall_m=1.0), L), "turning without a wall is wrong"
     assert not teacher.tolerates(situation(wall_m=1.0), Action.STOP)
     teacher = Wanderer((L, R))
     assert teacher.tolerates(situation(wall_m=0.5, at_s=0.0), L)
     assert teacher.tolerates(situation(wall_m=0.5, at_s=12.9), L)
     assert not teacher.tolerates(situation(wall_m=0.5, at_s=13.1), L)
-    assert teacher.tolerates(situation(wall_m=0.5, at_s=13.2, x_m=0.2), L), "it moved"
+    assert teacher.tolerates(situation(wall_m=0.5, at_s=13.2, x_m=0.2), L), "the robot has moved"
 
 
 def test_the_papers_controller_turns_left_for_two_seconds():
@@ -119,11 +119,11 @@ def test_the_wall_follower_goes_round_and_gets_on_among_gaps():
     seen = drive("corridor", WallFollower(), 80.0, seed=1)
     assert 0.15 < statistics.median(s.range_at_m(-math.pi / 2) for s in seen) < 0.40
     assert not any(s.is_pushing for s in seen)
-    assert {s.pose.y_m > 1.2 for s in seen} == {True, False}, "it came to the other side"
+    assert {s.pose.y_m > 1.2 for s in seen} == {True, False}, "the robot has reached the other side"
     at = np.array([(s.pose.x_m, s.pose.y_m) for s in drive("office", WallFollower(), 60.0, 481)])
     for start in range(0, 400, 50):
         reach_m = np.ptp(at[start : start + 200], axis=0)
-        assert math.hypot(*reach_m) > 0.15, "it alternates between left and right for 20 s"
+        assert math.hypot(*reach_m) > 0.15, "the robot alternates between left and right for 20 s"
 
 
 def test_the_follower_keeps_the_barrel_in_view_and_the_pusher_brings_the_box_to_a_wall():

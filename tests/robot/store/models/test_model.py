@@ -64,7 +64,7 @@ def test_a_truncation_and_each_damaged_byte_are_noticed():
             model = decode_model(bytes(damaged))
         except RecordingError:
             continue
-        assert same_state(model.state, whole.state), f"byte {offset} was changed and nobody noticed"
+        assert same_state(model.state, whole.state), f"nobody noticed the change of byte {offset}"
 
 
 @pytest.mark.parametrize(

@@ -145,7 +145,7 @@ def test_incomplete_files_of_a_power_cut_are_removed(store):
     empty = storage.folder("episodes") / "x.mcap"
     empty.touch()
     storage.sweep()
-    assert half.exists() and empty.exists(), "another program may be writing them just now"
+    assert half.exists() and empty.exists(), "another program may still be writing new files"
     for path in (half, empty):
         os.utime(path, (0, 0))
     storage.sweep()
@@ -161,9 +161,9 @@ def test_a_model_that_failed_when_it_drove_is_set_aside_at_the_next_start(store,
     assert told == [("set_aside", "kitchen/00002.npz: it divides by zero")]
     assert versions(store, "kitchen") == ["00001.npz", "00002.npz.failed"]
     assert store.load("kitchen").summary.n_examples == 40
-    assert store.set_failed_aside() == [], "once"
+    assert store.set_failed_aside() == [], "a failed version is set aside only once"
     store.retry_damaged()
-    assert versions(store, "kitchen") == ["00001.npz", "00002.npz.failed"], "it stays aside"
+    assert versions(store, "kitchen") == ["00001.npz", "00002.npz.failed"], "it stays set aside"
 
 
 def model_of(number: int) -> Model:
@@ -189,7 +189,7 @@ def test_versions_that_an_older_program_set_aside_are_restored(store, told):
     store.retry_damaged()
     assert store.load("robot").summary.place == "54"
     assert len(list(store.sound_versions("robot"))) == 3
-    assert store.current == "robot (2)", "what was saved last stays in use"
+    assert store.current == "robot (2)", "the model that was saved last stays in use"
     assert [name for name, _ in told] == ["put_back"] * 3
     assert broken.read_bytes() == b"broken"
 
@@ -271,7 +271,7 @@ def test_a_model_with_moves_that_the_robot_does_not_have_is_named_and_kept(robot
     assert robot.told == ["truck (wave)"]
     robot.store.save("old", some_model())
     assert robot.autosave.load_last() == "old"
-    assert robot.told[1:] == ["model_loaded", "truck (wave)"], "it is told after the loading"
+    assert robot.told[1:] == ["model_loaded", "truck (wave)"], "the model is loaded first"
     assert versions(robot.store, "truck") == ["00001.npz"]
 
 

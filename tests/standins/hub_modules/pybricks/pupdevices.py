@@ -14,7 +14,7 @@ class Motor:
         self._port, self._sign = port, positive_direction
 
     def run_time(self, speed, time, then=Stop.HOLD, wait=True):
-        assert not wait, "the program would hang for the whole move"
+        assert not wait, "the program would block during the whole move"
         assert speed and time > 0
         _say("motor", self._port, self._sign * speed, int(time))
 
