@@ -1,9 +1,9 @@
-// One topic of ROS 2 by its default middleware, eProsima's Fast DDS, as raw bytes: no ROS, no message definitions.
+// Reads or writes one topic of ROS 2 with its default middleware, eProsima's Fast DDS, as raw bytes, without ROS.
 //
-//   fastdds DOMAIN read TOPIC TYPE     prints each message that comes, as a line of hexadecimal digits
-//   fastdds DOMAIN write TOPIC TYPE    publishes each such line of its input, and ends with it
+//   fastdds DOMAIN read TOPIC TYPE     prints each received message as a line of hexadecimal digits
+//   fastdds DOMAIN write TOPIC TYPE    publishes each such line of its input, until the input ends
 //
-// It uses 127.0.0.1 without multicast, and is told of no peer: the other side has to find it.
+// It uses 127.0.0.1 without multicast, and knows no peer, so the other side has to find it.
 // Debian 12: apt install libfastrtps-dev; g++ -O1 -o fastdds fastdds.cpp -lfastrtps -lfastcdr
 
 #include <chrono>
@@ -27,7 +27,7 @@ namespace rtps = eprosima::fastrtps::rtps;
 
 static const uint32_t kLargest = 2u << 20;
 
-// A message whose bytes nobody looks into.
+// A message of opaque bytes.
 class Opaque : public fdds::TopicDataType {
  public:
   explicit Opaque(const std::string& name) {
@@ -90,7 +90,7 @@ int main(int count, char** words) {
   std::string line;
   if (mode == "read") {
     Printer printer;
-    fdds::DataReaderQos as_ros = fdds::DATAREADER_QOS_DEFAULT;  // as rclcpp's default: reliable, ten are kept
+    fdds::DataReaderQos as_ros = fdds::DATAREADER_QOS_DEFAULT;  // like rclcpp's default: reliable, with a queue of ten
     as_ros.reliability().kind = fdds::RELIABLE_RELIABILITY_QOS;
     as_ros.history().depth = 10;
     participant->create_subscriber(fdds::SUBSCRIBER_QOS_DEFAULT)->create_datareader(topic, as_ros, &printer);

@@ -1,4 +1,4 @@
-// Runs with mcap of JavaScript: reads a recording, with all checksums and from its index.
+// Reads a recording with the JavaScript library mcap, by its index, and checks all checksums.
 
 import { readFileSync } from 'node:fs';
 import { open } from 'node:fs/promises';

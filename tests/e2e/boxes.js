@@ -1,5 +1,5 @@
-// Lists what is cut on the page, and what lies on something else; see boxes.py. It runs hundreds of
-// times in a test, so each element is asked once, and a thing is compared with its neighbours alone.
+// Lists the truncated and overlapping elements of the page; see boxes.py. A test runs this hundreds of
+// times, so each element is measured once, and is compared only with its neighbours.
 () => {
   const once = (ask) => {
     const known = new Map();
@@ -17,7 +17,7 @@
   const unseen = once((e) => e.closest('.unseen, [hidden], .skip') !== null || isClipped(e));
   const isClipped = (e) => Boolean(e) && (getComputedStyle(e).clipPath === 'inset(50%)' || isClipped(e.parentElement));
   const said = once((e) => e.closest('noscript, script, option') === null);
-  // Every run of text, by its ink's box; every control; every picture.
+  // The box of every run of text, every control and every picture.
   const leaves = [];
   const found = [];
   const isBroken = (node) => !window.isMadeUp && [...node.data.matchAll(/[a-z\u00c0-\u024f]+/gi)].some(({ 0: word, index }) => {
@@ -38,10 +38,10 @@
       if (box.width > 1 && box.height > 1) leaves.push({ e, box, isText: true });
     }
   }
-  // A caption of the made-up language may reach into the map.
+  // A caption of the invented language may overlap the map.
   const placed = window.isMadeUp ? '' : ', drive-map, .vote';
   for (const e of document.querySelectorAll(`button, a.button, input, select, img, canvas, svg:not(.icon)${placed}`)) {
-    if (!visible(e) || unseen(e) || e.matches('canvas.camera, canvas.seen')) continue; // things lie on them
+    if (!visible(e) || unseen(e) || e.matches('canvas.camera, canvas.seen')) continue; // other elements may overlap them
     leaves.push({ e, box: e.getBoundingClientRect(), isText: false });
   }
   const isRoot = (e) => e === document.body || e === document.documentElement;
@@ -63,9 +63,9 @@
     let fixed = false;
     for (let up = e; up && !fixed; up = up.parentElement) {
       const bounds = boundsOf(up);
-      fixed = bounds.isFixed; // nothing that it lies in clips it
+      fixed = bounds.isFixed; // an ancestor cannot clip a fixed element
       if (bounds.canScroll && (isText || up !== e)) {
-        // Only what is scrolled into sight is there to be cut or covered.
+        // Only the visible part of a scrolled element can be truncated or covered.
         canScroll = true;
         const [top, bottom] = [Math.max(box.top, bounds.clip.top), Math.min(box.bottom, bounds.clip.bottom)];
         box = leaf.box = { left: box.left, right: box.right, width: box.width, top, bottom: Math.max(top, bottom), height: Math.max(0, bottom - top) };

@@ -1,13 +1,13 @@
-// Puts every state and every notice of the drive screen on it, one after the other, and lists what
-// does not hold still; see test_holds_still.py. What is said is the code's own list: the states are made
-// of its own words (`said` names each sentence that was shown), and MEASURE is boxes.js.
+// Shows every state and every notice of the drive screen, one after the other, and lists what moves;
+// see test_holds_still.py. The states are made from the program's own enumerations; `said` lists the
+// sentences that were shown, and MEASURE is replaced by boxes.js.
 async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const measure = MEASURE;
   const { page } = document.querySelector('app-bar');
   const { store } = page;
   const { HINTS } = await import('/js/hints.js');
   const { leadOf } = await import('/js/study/session.js');
-  page.follow = () => {}; // the robot's own states would come in between
+  page.follow = () => {}; // ignore the real robot's states
   page.connection.dispatchEvent = () => true;
   const taught = Object.fromEntries(moves.map((move, i) => [move, 150 + i]));
   const calm = {
@@ -61,7 +61,7 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
       { robot: { mode: 'autonomous', driven_by: 'robot', action: move, bumpers: [true, false] } },
     ]),
   ];
-  // In another order each time, and always the same for one seed: each state comes after many others.
+  // The order depends on the seed, so that over several seeds each state follows many others.
   let chance = seed;
   const random = () => (chance = (chance * 48271) % 2147483647) / 2147483647;
   for (let i = states.length - 1; i > 0; i -= 1) {
@@ -73,7 +73,7 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const controlAt = ([x, y]) => document.elementFromPoint(x, y)?.closest('button, a') ?? null;
   const pointsOf = (e) => {
     const { left, top, width, height } = e.getBoundingClientRect();
-    // The middle and near each corner: asking what is at a point is what this test spends its time on.
+    // The middle, and a point near each corner; more points would make the test slow.
     const shares = [[0.5, 0.5], ...[0.15, 0.85].flatMap((u) => [0.15, 0.85].map((v) => [u, v]))];
     return shares.map(([u, v]) => [left + u * width, top + v * height]);
   };
@@ -103,16 +103,16 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const scrolled = new Set();
   store.set({ moves: [...moves] });
   show({});
-  for (let i = 0; i < 2; i += 1) await new Promise(requestAnimationFrame); // the browser has laid it out
+  for (let i = 0; i < 2; i += 1) await new Promise(requestAnimationFrame); // until the browser has laid the page out
   await new Promise((done) => setTimeout(done, 50));
   const first = places();
-  let aims = []; // where a finger sets out to, and for which control
+  let aims = []; // the points at which a finger aims, each with its control
   for (const change of states) {
     const note = (fault) => found.push(`${JSON.stringify(change).slice(0, 140)}: ${fault}`);
     show(change);
-    // A finger on its way comes down: on what it set out for, or on nothing.
+    // A finger that aimed before the change must hit the same control or nothing.
     const next = aimsNow();
-    // Where no control came, went or moved, no tap can land on another one.
+    // If no control has appeared, vanished or moved, no tap can hit another one.
     if (!isSame(aims, next)) for (const [at, was] of aims) {
       const is = controlAt(at);
       if (is && is !== was && is.isConnected) note(`a tap for ${name(was)} lands on ${name(is)}`);

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Debian's micropython for this machine: installed where the release has it, else unpacked from
-# Debian 13, beside its own libraries, into the folder that is named.
+# Gets Debian's micropython: installs it if the release has it; otherwise unpacks the package of
+# Debian 13 and its libraries into the given folder.
 set -eu
 if command -v micropython > /dev/null || apt-get install -y -qq micropython > /dev/null 2>&1; then exit 0; fi
 folder=$1

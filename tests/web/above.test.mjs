@@ -7,12 +7,12 @@ globalThis.ResizeObserver = class {};
 const { begins, way } = await import('../../web/js/components/from-above.js');
 const { Way } = await import('../../web/js/components/drive-map.js');
 
-test('a flag is marked where it is raised, once each time', () => {
+test('each run of set flags is marked once, at its beginning', () => {
   assert.deepEqual(begins([true, true, false, true, false, false, true, true]), [0, 3, 6]);
   assert.deepEqual(begins([]), []);
 });
 
-test('each part of the way is drawn once, in the colour of who drove it', () => {
+test('each part of the path is drawn once, in the colour of its driver', () => {
   let seed = 7;
   const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
   for (let round = 0; round < 200; round += 1) {
@@ -26,16 +26,16 @@ test('each part of the way is drawn once, in the colour of who drove it', () => 
       assert.deepEqual(drawn, wanted);
       for (const part of d.split('M').slice(1)) {
         const xs = part.split('L').map((point) => Number(point.split(' ')[0]));
-        assert.deepEqual(xs, xs.map((_, i) => xs[0] + i), 'no line leaps over a gap');
+        assert.deepEqual(xs, xs.map((_, i) => xs[0] + i), 'no line crosses a gap');
       }
     }
   }
 });
 
-test('a way that comes in parts is the whole way, whatever was forgotten in between', () => {
+test('a path that arrives in parts equals the whole path, whatever the robot has dropped meanwhile', () => {
   let seed = 11;
   const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
-  const MOST = 40; // the robot keeps no more points than that
+  const MOST = 40; // number of points that the robot keeps
   for (let round = 0; round < 100; round += 1) {
     const known = new Way();
     let kept = [];
@@ -59,14 +59,14 @@ test('a way that comes in parts is the whole way, whatever was forgotten in betw
       });
       assert.deepEqual(known.pose.slice(-kept.length || known.pose.length), kept.map(({ pose }) => pose));
       assert.equal(known.pose.length, known.driven_by.length);
-      for (const { at } of known.events) assert.ok(known.pose[at], 'each event has its place');
+      for (const { at } of known.events) assert.ok(known.pose[at], 'each event has a pose');
       const marked = known.events.map(({ at }) => known.pose[at][0]);
       for (const { pose, events } of kept) assert.equal(marked.includes(pose[0]), events.length > 0);
     }
   }
 });
 
-test('a page that is open for a whole lesson knows no more of the way than the robot', () => {
+test('a page that stays open for a whole lesson stores no more of the path than the robot does', () => {
   const known = new Way();
   for (let n = 0; n < 9000; n += 30) {
     const pose = Array.from({ length: 30 }, (_, i) => [n + i, 0, 0]);

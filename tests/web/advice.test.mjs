@@ -22,14 +22,14 @@ const short = { kind: 'too_short', move: null, instead: null, have: 12.3, need: 
 const rare = { kind: 'rare_move', move: 'left', instead: null, have: 1, need: 3, distance_m: null };
 const corrected = { kind: 'corrected', move: 'left', instead: 'forward', have: 0, need: 0, distance_m: 0.2 };
 
-test('the box needs two moves: what this pilot does not use is never asked for', () => {
+test('the advice never asks for a move that the pilot does not use', () => {
   assert.deepEqual(usedMoves({ forward: 200, left: 100, right: 0 }), ['forward', 'left']);
   for (let left = 0; left <= 300; left += 7) {
     for (const slips of [0, 1, 4, 8]) {
       const taught = { forward: 300, left, right: slips, backward: 0 };
       for (const mode of ['train', 'stopped', 'autonomous']) {
         for (const missing of [[short], [rare], [short, rare, corrected], []]) {
-          // The robot names moves in use alone (tests/robot/coaching/test_readiness.py).
+          // The robot names only moves in use (tests/robot/coaching/test_readiness.py).
           const { move } = teachingAdvice(robot({ mode, taught, agreement: 0.5 }), readiness({ missing }));
           assert.ok(move === undefined || move === 'left', `${move} of ${JSON.stringify(taught)}`);
         }
@@ -38,14 +38,14 @@ test('the box needs two moves: what this pilot does not use is never asked for',
   }
 });
 
-test('one move alone is no driving: a turn is asked for', () => {
+test('the advice asks for a turn if the pilot has taught only one move', () => {
   for (const stage of ['teach', 'try', 'ready']) {
     assert.equal(teachingAdvice(robot({ taught: { forward: 300, left: 0, right: 2 } }), readiness({ stage })).key, 'advice.turn');
-    assert.equal(teachingAdvice(robot({ taught: { forward: 0, left: 300, right: 2 } }), readiness({ stage })).key, 'advice.go_on', 'a turn is all it has seen');
+    assert.equal(teachingAdvice(robot({ taught: { forward: 0, left: 300, right: 2 } }), readiness({ stage })).key, 'advice.go_on', 'the robot has seen only a turn');
   }
 });
 
-test('a robot that drives itself is never urged to be taught', () => {
+test('no advice asks for teaching while the robot drives by itself', () => {
   for (const stage of ['teach', 'try', 'ready']) {
     for (const missing of [[short, rare], [corrected], []]) {
       for (const alone_s of [0, 0.4, 12, 30, 55]) {
@@ -56,7 +56,7 @@ test('a robot that drives itself is never urged to be taught', () => {
   }
 });
 
-test('agreement is no promise: only a trial without a mistake makes it ready', () => {
+test('only a trial without a mistake makes the robot ready, not a high agreement', () => {
   for (const agreement of [0.5, 0.9, 1]) {
     for (const stage of ['teach', 'try']) {
       for (const mode of ['stopped', 'train', 'autonomous']) {
@@ -68,7 +68,7 @@ test('agreement is no promise: only a trial without a mistake makes it ready', (
   }
 });
 
-test('one step at a time, from the first visit to the first drive', () => {
+test('the advice names one step at a time, from the first visit to the first drive', () => {
   const advice = (changes, told = null) => teachingAdvice(robot(changes), told);
   assert.equal(advice({ mode: 'stopped', lessons: 0, taught: {} }).key, 'advice.start');
   assert.equal(advice({ lessons: 0, taught: {} }).key, 'advice.first');
@@ -82,19 +82,19 @@ test('one step at a time, from the first visit to the first drive', () => {
   assert.equal(advice({ mode: 'stopped' }, readiness({ stage: 'ready' })).key, 'advice.ready');
 });
 
-test('an emergency stop is released by who has the wheel; others are offered what the robot takes of them', () => {
+test('the pilot is offered to release an emergency stop; other clients are offered only what the robot accepts from them', () => {
   const step = (changes, robot) => urgentAdvice(page(changes, { emergency: true, ...robot })).step;
   assert.equal(step({}, {}), 'release');
-  assert.equal(step({}, { you_are_pilot: false, pilot: null }), 'take', 'else nobody could ever release it');
+  assert.equal(step({}, { you_are_pilot: false, pilot: null }), 'take', 'otherwise nobody could release the stop');
   assert.equal(step({}, { you_are_pilot: false }), 'take');
   assert.equal(step({ wheelWaiting: true }, { you_are_pilot: false }), undefined);
   assert.equal(step({ role: 'viewer' }, { you_are_pilot: false, pilot: null }), undefined);
 });
 
-test('the most urgent is said first', () => {
+test('the most urgent sentence has priority', () => {
   assert.equal(key(page({ link: 'connecting', robot: null })), 'connecting');
   assert.equal(key(page({ link: 'lost', way: { kind: 'silent' } }, { emergency: true })), 'out_of_reach');
-  assert.equal(key(page({ link: 'lost', way: { kind: 'silent' } }, { you_are_pilot: false })), 'searching', 'somebody else may drive it');
+  assert.equal(key(page({ link: 'lost', way: { kind: 'silent' } }, { you_are_pilot: false })), 'searching', 'somebody else may drive the robot');
   assert.equal(key(page({}, { emergency: true, you_are_pilot: false })), 'emergency');
   assert.equal(key(page({}, { you_are_pilot: false })), 'wheel_taken');
   assert.equal(key(page({}, { you_are_pilot: false, pilot: null })), 'wheel_free');
@@ -114,7 +114,7 @@ test('the most urgent is said first', () => {
   assert.equal(key(page()), null);
 });
 
-test('a busy computer is not called a bad link, and nobody is sent closer on the robot’s own computer', () => {
+test('a busy computer is not reported as a bad link, and no pilot on the robot’s own computer is told to move closer', () => {
   for (const link of ['good', 'slow', 'capped', 'not_learning', 'too_slow']) {
     for (const mode of ['train', 'autonomous']) {
       const slowed = ['good', 'slow'].includes(link) ? 'capped' : link;
@@ -127,10 +127,10 @@ test('a busy computer is not called a bad link, and nobody is sent closer on the
   assert.equal(key(page({}, { ...stopped, busy: true })), 'busy.stopped');
   assert.equal(key(page({ isLocal: true }, stopped)), 'busy.stopped');
   assert.equal(key(page({}, stopped)), 'stop.link_slow');
-  assert.equal(key(page({}, { mode: 'stopped', busy: true, link: 'capped' })), null, 'who stands is not told');
+  assert.equal(key(page({}, { mode: 'stopped', busy: true, link: 'capped' })), null, 'nothing is reported while the robot stands');
 });
 
-test('a session asks for its mode, falls silent in it, and says which part of how many it is', () => {
+test('a session asks for its mode, is silent once the robot is in it, and shows its position and the number of phases', () => {
   const session = { step: 'drive', position: 1, of: 2, kind: 'correct', mode: 'autonomous', left_s: 30 };
   const lead = leadOf(session);
   assert.equal(key(page({ lead }, { mode: 'stopped' })), 'session.next_correct');
@@ -141,7 +141,7 @@ test('a session asks for its mode, falls silent in it, and says which part of ho
   assert.equal(key(page({ lead: between('ready') })), null);
 });
 
-test('the age of a picture is told by its parts, and what is slow by its name', () => {
+test('the age of a picture is split into its parts, and the slow part is named', () => {
   const camera = { period_ms: 100, age_ms: 145, limit_ms: 395, speed_scale: 1 };
   const late = (changes, robotChanges = {}) => page({ drawnAgeMs: 200, drawingMs: 15, ...changes }, { camera, ...robotChanges });
   assert.deepEqual(ageParts(late()), { camera: 145, link: 40, phone: 15 });
@@ -151,13 +151,13 @@ test('the age of a picture is told by its parts, and what is slow by its name', 
   assert.equal(urgentAdvice(late({}, { camera: { ...camera, age_ms: 300, brick_ms: 100, speed_scale: 0.75 } }))?.key, 'lag.camera');
   assert.equal(ageParts(late({ drawnAgeMs: null })), null);
   assert.equal(urgentAdvice(late({}, { camera: { ...camera, age_ms: 300, speed_scale: 0.75 } }))?.key, 'lag.camera');
-  for (const drawingMs of [280, 320]) assert.deepEqual(urgentAdvice(late({ drawnAgeMs: 500, drawingMs }))?.values, { ms: 300 }, 'read out once');
+  for (const drawingMs of [280, 320]) assert.deepEqual(urgentAdvice(late({ drawnAgeMs: 500, drawingMs }))?.values, { ms: 300 }, 'similar ages are read out only once');
   assert.equal(urgentAdvice(late({ drawnAgeMs: 500, drawingMs: 320 }))?.key, 'lag.phone');
   assert.equal(urgentAdvice(late({}, { link: 'slow' }))?.key, 'link.slow');
   assert.equal(urgentAdvice(late()), null);
 });
 
-test('a countdown that goes back says why, and one that goes on says nothing', () => {
+test('the page says why a countdown started again, and nothing while it continues', () => {
   const at = (alone_s, more = {}) => readiness({ stage: 'try', alone_s, ...more });
   for (const kind of ['corrected', 'pushed', 'helpless', 'unknown_view']) {
     assert.equal(setbackOf(at(25), at(0, { missing: [{ ...corrected, kind }] })), kind);
@@ -170,7 +170,7 @@ test('a countdown that goes back says why, and one that goes on says nothing', (
   assert.notEqual(told('train'), 'setback.pushed');
 });
 
-test('the button to press is lit, unless it is pressed already or something else is urgent', () => {
+test('the next button is highlighted, unless it is already pressed or something else is urgent', () => {
   const lit = (changes, robotChanges) => modeToPress(page(changes, robotChanges));
   assert.equal(lit({}, { mode: 'stopped', lessons: 0 }), 'train');
   for (const stage of ['try', 'ready']) {
@@ -182,25 +182,25 @@ test('the button to press is lit, unless it is pressed already or something else
   assert.equal(lit({ readiness: readiness() }), null);
 });
 
-test('who gets the wheel is told so, not that somebody left', () => {
+test('a client that gets the wheel reads that it has the wheel, not that the pilot left', () => {
   const state = page({ localStop: 'wheel' }, { mode: 'stopped', stop_reason: 'pilot_gone' });
   assert.deepEqual(urgentAdvice(state), { key: 'local.wheel', level: 'ask' });
 });
 
-test('only who has keys is told of keys', () => {
+test('only pilots with a keyboard read about keys', () => {
   assert.equal(key(page({ hint: 'correct' })), 'hint.correct');
   assert.equal(key(page({ hint: 'correct', hasKeys: true })), 'hint.correct_keys');
 });
 
-test('a robot that stands and asks does not drive', () => {
+test('a robot that stands and asks for help does not count as driving', () => {
   const alone = { mode: 'autonomous', driven_by: 'robot', action: 'left' };
   assert.equal(whoDrives(robot(alone)), 'robot');
-  assert.equal(whoDrives(robot({ ...alone, asks_pilot: true })), 'robot'); // it goes on, slowly
+  assert.equal(whoDrives(robot({ ...alone, asks_pilot: true })), 'robot'); // the robot drives on slowly
   assert.equal(whoDrives(robot({ ...alone, asks_pilot: true, action: 'stop' })), 'asks');
   assert.equal(whoDrives(robot({ mode: 'autonomous', driven_by: 'pilot', asks_pilot: true, action: 'left' })), 'pilot');
   assert.equal(whoDrives(robot({ driven_by: 'nobody' })), 'waiting');
   assert.equal(whoDrives(robot({ driven_by: 'nobody', mode: 'stopped' })), 'nobody');
   assert.equal(whoDrives(robot({ driven_by: 'pilot', you_are_pilot: false, action: 'left' })), 'other');
-  assert.equal(whoDrives(robot({ driven_by: 'nobody', you_are_pilot: false })), 'nobody', 'it is not the turn of who watches');
+  assert.equal(whoDrives(robot({ driven_by: 'nobody', you_are_pilot: false })), 'nobody', 'a viewer is not asked to drive');
   assert.equal(whoDrives(null), 'nobody');
 });

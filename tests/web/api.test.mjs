@@ -9,9 +9,9 @@ test.afterEach(() => {
   delete globalThis.fetch;
 });
 
-/** Never anything, until it is waited for no more. @param {AbortSignal} signal */
+/** Never settles unless the request is aborted. @param {AbortSignal} signal */
 const silence = (signal) => new Promise((_, fail) => signal.addEventListener('abort', () => fail(new DOMException('aborted', 'AbortError'))));
-/** How a request ends that has the time `ms` and no more; null if it is still waited for then. */
+/** Let `ms` pass, and return the request's result or error; null if it is still pending. */
 async function after(ms, asked) {
   const end = Promise.race([asked.then((said) => said, (error) => error), new Promise((soon) => setImmediate(soon, null))]);
   mock.timers.tick(ms);
@@ -26,36 +26,36 @@ for (const [what, answer] of Object.entries({
     test(`a robot that ${what} is out of reach: ${method} within ${ms} ms`, async () => {
       globalThis.fetch = (_, about) => answer(about);
       const asked = ask(method, 'api/x', body, patienceMs);
-      assert.equal(await after(ms - 1, asked), null, 'a slow one is waited for');
-      assert.ok(await after(1, asked) instanceof TypeError, 'as if there was no link');
+      assert.equal(await after(ms - 1, asked), null, 'the page waits for a slow robot');
+      assert.ok(await after(1, asked) instanceof TypeError, 'the same error as without a link');
     });
   }
 }
 
-test('a small computer is given a minute to measure itself, or to read a recording', async () => {
+test('a long request may take a minute, because a small computer is slow to measure itself or to read a recording', async () => {
   globalThis.fetch = (_, { signal }) => silence(signal);
   assert.equal(await after(60_000, askLong('api/settings')), null);
 });
 
-test('an answer that is cut off is none: it would say that there is nothing', async () => {
+test('a truncated answer is an error, not an empty answer', async () => {
   for (const why of [new SyntaxError('Unexpected end of JSON input'), new TypeError('network error')]) {
     globalThis.fetch = async () => ({ ok: true, json: () => Promise.reject(why) });
     await assert.rejects(ask('GET', 'api/models'), TypeError);
   }
 });
 
-test('what the robot refuses comes with its sentence, or with what there is', async () => {
+test('a refusal contains the robot’s sentence, or else the HTTP status', async () => {
   for (const [json, sentence] of [[async () => ({ detail: 'It drives.' }), 'It drives.'], [() => Promise.reject(new SyntaxError('<')), '502 Bad Gateway'], [async () => ({ detail: [1] }), '502 Bad Gateway']]) {
     globalThis.fetch = async () => ({ ok: false, status: 502, statusText: 'Bad Gateway', json });
     await assert.rejects(ask('GET', 'api/models'), (error) => error instanceof Refused && error.status === 502 && error.message === sentence);
   }
 });
 
-test('a stop is asked for, one request at a time, until the robot hears it, refuses it, or it is owed no more', async () => {
+test('the page sends STOP requests one after the other, until the robot obeys or refuses, or the STOP is no longer wanted', async () => {
   const silent = ({ signal }) => silence(signal);
   const away = async () => { throw new TypeError('away'); };
   const says = (status) => async () => ({ ok: status < 300, status, json: async () => ({ emergency: true, stop_number: 7 }) });
-  /** How it ends at a robot that answers one after the other of `answers`, while `owed` requests are owed; and how many were sent. */
+  /** Send STOP, at most `owed` times, to a robot with these `answers` in turn; return the result and the number of requests. */
   const end = async (answers, owed = Infinity) => {
     let [sent, open, most] = [0, 0, 0];
     globalThis.fetch = async (path, about) => {
@@ -74,14 +74,14 @@ test('a stop is asked for, one request at a time, until the robot hears it, refu
   };
   assert.deepEqual(await end([says(200)]), [7, 1]);
   assert.deepEqual(await end([away, silent, says(502), says(503), says(200)]), [7, 5]);
-  assert.deepEqual(await end([away, says(403), says(200)]), [null, 2], 'a page that is not paired');
+  assert.deepEqual(await end([away, says(403), says(200)]), [null, 2], 'an unpaired page stops asking');
   assert.deepEqual(await end([away, silent], 3), [null, 3]);
   const [earlier, later] = [askToStop(() => true), end([away, silent, says(200)])];
   assert.deepEqual(await later, [7, 3]);
-  assert.equal(await earlier, null, 'it was asked for anew');
+  assert.equal(await earlier, null, 'the newer STOP replaced it');
 });
 
-test('an answer that comes after the answer to a newer question is dropped, and a question that fails takes none away', async () => {
+test('an answer is dropped if a newer question was answered first; a failed question drops no answer', async () => {
   const ordered = inOrder();
   const answers = [];
   const asked = Array.from({ length: 5 }, () => ordered(new Promise((answer, fail) => answers.push({ answer, fail }))));

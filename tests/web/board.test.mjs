@@ -25,7 +25,7 @@ function pack(pictures) {
   return new Uint8Array(parts.flatMap((part) => [...part])).buffer;
 }
 
-test('the pictures of many robots come apart again', () => {
+test('the pictures of several robots in one message are separated again', () => {
   for (const count of [0, 1, 2, 30]) {
     const sent = Array.from({ length: count }, (_, i) => [i + 1, picture(i + 7, Array(i * 3).fill(i))]);
     const found = parsePictures(pack(sent));
@@ -37,7 +37,7 @@ test('the pictures of many robots come apart again', () => {
   }
 });
 
-test('strangers are told apart from the robots of the class', () => {
+test('strangers are listed separately from the robots of the class', () => {
   const link = new ClassLink('ws://board/ws/board');
   const told = [];
   for (const name of ['news', 'strangers']) link.addEventListener(name, ({ detail }) => told.push([name, detail]));
@@ -48,7 +48,7 @@ test('strangers are told apart from the robots of the class', () => {
   assert.deepEqual([...link.robots.keys()], [1]);
 });
 
-test('a board that was started again is believed: what it does not know has no STOP that does nothing', (t) => {
+test('the page drops robots that a restarted board does not know, so that no STOP button is without effect', (t) => {
   const lines = [];
   globalThis.WebSocket = class { constructor() { lines.push(this); } send() {} close() {} };
   t.after(() => delete globalThis.WebSocket);
@@ -64,7 +64,7 @@ test('a board that was started again is believed: what it does not know has no S
   lines.at(-1).onopen();
   tell(1, 2);
   tell(3);
-  assert.deepEqual(gone, [], 'later news are of some robots alone');
+  assert.deepEqual(gone, [], 'later news name only some of the robots');
   lines.at(-1).onclose();
   t.mock.timers.tick(1000);
   lines.at(-1).onopen();
@@ -81,7 +81,7 @@ test('the second card of a robot that has moved disappears', () => {
   assert.deepEqual([gone, [...link.robots.keys()]], [[2], [1]]);
 });
 
-/** A page of the board whose line and requests are a test's; `open` begins a line, and `tell` is news on it. */
+/** A board page with a fake websocket and fake requests; `open` opens a websocket, and `tell` sends news on it. */
 function paged(t) {
   const said = [], lines = [], asked = [], answers = [];
   globalThis.WebSocket = class { constructor() { lines.push(this); } send(text) { said.push(JSON.parse(text)); } close() { this.readyState = 3; } };
@@ -102,13 +102,13 @@ function paged(t) {
 const answer = (...robots) => Promise.resolve({ ok: true, json: async () => ({ robots }) });
 const [ada, ben, cleo, dora] = ['http://a:1', 'http://b:1', 'http://c:1', 'http://d:1'].map((address) => (number) => ({ number, address }));
 
-test('a STOP that no board could hear is said when the next one knows robots, unless it was released', async (t) => {
+test('a STOP that reached no board is repeated once the next board knows the robot, unless it was released', async (t) => {
   const { link, asked, answers, open, end, tell, stops } = paged(t);
   open();
   tell(ada(1), ben(2), cleo(3), dora(4));
   end();
   answers.push(Promise.reject(new TypeError('no board')), answer({ ...ada(1), stop: null }, { ...ben(2), stop: 'asked' }), Promise.resolve({ ok: false, json: () => Promise.reject(new SyntaxError('no JSON')) }));
-  for (const robot of [1, 2, 3, 4]) link.stop(robot); // 2 is heard by a request
+  for (const robot of [1, 2, 3, 4]) link.stop(robot); // a request delivers the STOP for 2
   link.release(4);
   await new Promise(setImmediate);
   assert.deepEqual(asked, ['{"robot":1}', '{"robot":2}', '{"robot":3}', '{"robot":4}']);
@@ -116,15 +116,15 @@ test('a STOP that no board could hear is said when the next one knows robots, un
   tell();
   assert.deepEqual(stops(), [], 'a board without robots can stop none');
   tell(ada(1), ben(2), dora(4));
-  assert.deepEqual(stops(), [1], 'it does not know 3 yet');
+  assert.deepEqual(stops(), [1], 'the board does not know 3 yet');
   tell(cleo(3));
   tell(ada(1), cleo(3));
-  assert.deepEqual(stops(), [1, 3], 'once is enough');
+  assert.deepEqual(stops(), [1, 3], 'each STOP is repeated once');
   link.stop();
-  assert.deepEqual([stops(), asked.length], [[1, 3, undefined], 4], 'by the line, where there is one');
+  assert.deepEqual([stops(), asked.length], [[1, 3, undefined], 4], 'an open websocket carries the STOP');
 });
 
-test('a STOP that no board could hear reaches whom it was meant for, though the next board numbers otherwise', (t) => {
+test('a STOP that reached no board is sent to the same robot, even if the next board gives it another number', (t) => {
   const { link, open, end, tell, stops } = paged(t);
   open();
   tell(ada(1), ben(2));
@@ -132,18 +132,18 @@ test('a STOP that no board could hear reaches whom it was meant for, though the 
   link.stop(1);
   open();
   tell(ben(1));
-  assert.deepEqual(stops(), [], 'that is another robot');
+  assert.deepEqual(stops(), [], 'number 1 is another robot now');
   tell(ada(2));
   assert.deepEqual(stops(), [2]);
 });
 
-test('a STOP for all that no board could hear reaches each robot that the next board finds, until it is released', async (t) => {
-  for (const isAnswered of [false, true]) await t.test(isAnswered ? 'by a request' : 'by the line', async (t) => {
+test('a STOP for all that reached no board is sent to each robot that the next board finds, until it is released', async (t) => {
+  for (const isAnswered of [false, true]) await t.test(isAnswered ? 'by a request' : 'by the websocket', async (t) => {
     const { link, answers, open, end, tell, stops } = paged(t);
     open();
     tell(ada(1), ben(2), cleo(3));
     end();
-    // It has just begun: on the network it finds its robots one by one.
+    // A board that has just started finds its robots one by one.
     if (isAnswered) answers.push(answer({ ...ben(1), stop: 'asked' }));
     link.stop();
     await new Promise(setImmediate);
@@ -151,7 +151,7 @@ test('a STOP for all that no board could hear reaches each robot that the next b
     tell(ben(1));
     assert.deepEqual(stops(), isAnswered ? [] : [undefined, 1]);
     tell(ada(2));
-    assert.equal(stops().at(-1), 2, 'who is found later drives on otherwise');
+    assert.equal(stops().at(-1), 2, 'otherwise a robot that is found later would drive on');
     link.release();
     tell(cleo(3));
     assert.equal(stops().at(-1), 2);
@@ -160,9 +160,9 @@ test('a STOP for all that no board could hear reaches each robot that the next b
 
 for (const [what, fall] of Object.entries({
   'a board that hangs': () => {},
-  'a board that ends before it heard it': ({ end }) => end(),
+  'a board that ends before it reads the STOP': ({ end }) => end(),
 })) {
-  test(`a STOP that is said to ${what} is said to the next one, and the page says that none answers`, (t) => {
+  test(`a STOP sent to ${what} is repeated to the next board, and the page says that no board answers`, (t) => {
     const board = paged(t);
     const { link, open, tell, stops } = board;
     open();
@@ -180,7 +180,7 @@ for (const [what, fall] of Object.entries({
   });
 }
 
-test('a board that has news of anything hangs not', (t) => {
+test('a board that sends any news does not count as hanging', (t) => {
   const { link, open, tell } = paged(t);
   open();
   link.stop();
@@ -196,7 +196,7 @@ test('a board that has news of anything hangs not', (t) => {
   assert.ok(link.isOpen);
 });
 
-test('a message that is cut short gives the pictures before the cut', () => {
+test('a truncated message yields the pictures before the cut', () => {
   const whole = pack([[1, picture(1, [1, 2, 3])], [2, picture(2, [4, 5, 6])]]);
   for (let bytes = 0; bytes < whole.byteLength; bytes += 1) {
     assert.ok(parsePictures(whole.slice(0, bytes)).size <= (bytes >= whole.byteLength / 2 ? 1 : 0));
@@ -207,12 +207,12 @@ test('a robot that has not answered yet may only be starting', () => {
   const robot = { status: 'away', detail: 'connection refused' };
   assert.equal(who(robot, 5000), 'board.status.connecting');
   assert.equal(who(robot, 60000), 'board.status.away');
-  assert.equal(who(robot), 'board.status.away'); // it was there before
+  assert.equal(who(robot), 'board.status.away'); // the robot was there before
   assert.equal(who({ ...robot, status: 'not_ours' }, 5000), 'board.status.not_ours');
   assert.equal(who({ status: 'there', driven_by: 'pilot' }, 5000), 'board.who.pilot');
 });
 
-/** A panel and its robots, which obey when a test says so. */
+/** A panel of locks and its robots, whose answers the test gives. */
 function locking(t, subject, locks, answer = new Promise(() => {})) {
   class FakeElement extends EventTarget {
     hidden = false;
@@ -244,19 +244,19 @@ function locking(t, subject, locks, answer = new Promise(() => {})) {
   };
 }
 
-test('a lock for all leaves what was locked elsewhere since, and a robot that came since gets it too', (t) => {
+test('a lock for all keeps newer locks from another page, and also reaches robots that have joined since', (t) => {
   const { told, robots, tap, news, shown } = locking(t, 'all', [[], ['models']]);
   assert.deepEqual(shown(), []);
   news(1, ['gallery']); // on another page of the board
   robots.push({ number: 3, status: 'there', locks: [] });
   tap('settings');
   assert.deepEqual(told.splice(0), [['1', ['settings', 'gallery']], ['2', ['settings', 'models']], ['3', ['settings']]]);
-  tap('recordings'); // before any robot has told of the first
+  tap('recordings'); // before any robot has confirmed the first lock
   assert.deepEqual(told[0], ['1', ['settings', 'gallery', 'recordings']]);
   assert.deepEqual(shown(), ['settings', 'recordings']);
 });
 
-test('one robot’s locks are those that it has now, and an open panel shows them', (t) => {
+test('an open panel shows the current locks of its robot', (t) => {
   const { told, tap, news, shown } = locking(t, 2, [[], ['models', 'gallery']]);
   assert.deepEqual(shown(), ['models', 'gallery']);
   news(2, ['models', 'settings']);
@@ -264,13 +264,13 @@ test('one robot’s locks are those that it has now, and an open panel shows the
   tap('models');
   assert.deepEqual(told, [['2', ['settings']]]);
   news(2, ['models', 'settings']);
-  assert.deepEqual(shown(), ['settings'], 'news that are older than the tap');
+  assert.deepEqual(shown(), ['settings'], 'these news are older than the tap');
   news(2, ['settings']);
   news(2, ['settings', 'models']);
-  assert.deepEqual(shown(), ['settings', 'models'], 'locked again elsewhere');
+  assert.deepEqual(shown(), ['settings', 'models'], 'another page has locked it again');
 });
 
-test('a lock that is refused is shown as it is, and not asked for again with the next', async (t) => {
+test('a refused lock is shown as unlocked, and the next request does not repeat it', async (t) => {
   const refusal = { ok: false, status: 409, json: async () => ({ detail: 'It does not answer.' }) };
   const { told, tap, shown, panel } = locking(t, 'all', [[]], Promise.resolve(refusal));
   tap('models');
@@ -282,7 +282,7 @@ test('a lock that is refused is shown as it is, and not asked for again with the
   assert.deepEqual(told.at(-1), ['1', ['gallery']]);
 });
 
-test('where one robot is away, what the others took is shown at once', async (t) => {
+test('if one robot is away, the panel shows at once what the others have accepted', async (t) => {
   const answer = async (path, body) => path.endsWith('/2')
     ? { ok: false, status: 502, json: async () => ({ detail: 'It is away.' }) }
     : { ok: true, status: 200, json: async () => JSON.parse(body) };
@@ -295,7 +295,7 @@ test('where one robot is away, what the others took is shown at once', async (t)
   assert.deepEqual(shown(), ['models', 'gallery']);
 });
 
-test('a robot that stands is not said to be slow, and what its pilots chose to show is shown', async (t) => {
+test('a standing robot is not reported as slow, and the board shows what its pilots chose to show', async (t) => {
   globalThis.document = { documentElement: {} };
   t.after(() => { delete globalThis.document; });
   await loadLanguage([(code) => import(`../../web/board/messages/${code}.js`)]);

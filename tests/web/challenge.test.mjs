@@ -8,7 +8,7 @@ const LOOK_MS = 1500;
 const NOW = { can_measure: true, is_armed: false, is_on: false, metres: 0, left_s: 60, tries: [], tries_of: 3, try_s: 60, best_m: null, is_shown: false };
 const TRY = { metres: 1.9, seconds: 31, ended_by: 'touched' };
 
-/** A page whose robot answers `now`; `look` lets it be asked once. */
+/** A page whose robot answers `now`; `look` makes the page ask once. */
 async function open(state, now) {
   const [asked, chosen] = [[], []];
   Object.assign(globalThis, {
@@ -32,28 +32,28 @@ async function open(state, now) {
   return { store, asked, chosen, look, known: () => isKnown };
 }
 
-test('a robot that is ready says so, then offers the challenge, and one that is not does not', async (context) => {
+test('the page says that the robot is ready, and then offers the challenge; it offers nothing before that', async (context) => {
   context.after(() => mock.timers.reset());
   const { store, known, look } = await open({ readiness: { stage: 'teach' } }, NOW);
   assert.equal(store.state.toast, null);
   assert.equal(known(), false);
   store.set({ readiness: { stage: 'ready' } });
   await look();
-  assert.equal(known(), true, 'it is in the menu');
+  assert.equal(known(), true, 'the challenge is in the menu');
   assert.equal(store.state.toast, null, 'pupils first read that the robot is ready');
   for (let i = 0; i < 3; i += 1) await look();
   assert.equal(store.state.toast.step.label, 'challenge.open');
   store.set({ screen: 'challenge' });
-  assert.equal(store.state.toast, null, 'the screen says the same');
+  assert.equal(store.state.toast, null, 'the screen already says so');
 });
 
-test('tries from before stay reachable while the robot needs another lesson', async (context) => {
+test('earlier tries stay reachable while the robot needs another lesson', async (context) => {
   context.after(() => mock.timers.reset());
   const { known } = await open({ readiness: { stage: 'teach' } }, { ...NOW, tries: [TRY], best_m: 1.9 });
   assert.equal(known(), true);
 });
 
-test('the result of a try goes when another model is in use, and its robot is offered the challenge anew', async (context) => {
+test('a new model removes the result of a try, and the page offers the challenge again', async (context) => {
   context.after(() => mock.timers.reset());
   const now = { ...NOW };
   const { store, look } = await open({ readiness: { stage: 'ready' } }, now);
@@ -69,7 +69,7 @@ test('the result of a try goes when another model is in use, and its robot is of
   assert.equal(store.state.toast.step.label, 'challenge.open');
 });
 
-test('the next try is armed, and an older reason for standing does not hide what to do', async (context) => {
+test('a tap on “next” stops the robot, arms the next try, and opens the drive screen', async (context) => {
   context.after(() => mock.timers.reset());
   const now = { ...NOW };
   const { store, asked, chosen, look } = await open({ readiness: { stage: 'ready' } }, now);

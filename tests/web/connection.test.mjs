@@ -79,7 +79,7 @@ beforeEach(() => {
   connection.connect();
 });
 
-test('pictures have a socket of their own, opened after the words', () => {
+test('pictures have a separate websocket, which opens after the one for messages', () => {
   assert.deepEqual(FakeSocket.all.map((s) => s.url), ['ws://robot/ws/drive']);
   latest('/ws/drive').open();
   latest('/ws/video').open();
@@ -91,7 +91,7 @@ test('pictures have a socket of their own, opened after the words', () => {
 });
 
 for (const [what, order] of [['after', ['open', 'ready']], ['before', ['ready', 'open']]]) {
-  test(`the link is opened at once, and pictures when it is known who draws them, ${what} it is there`, async () => {
+  test(`the link opens immediately, and the pictures once the painter is known, ${what} the link is open`, async () => {
     FakeSocket.all = [];
     let know;
     const begun = connection.begin(new Promise((resolve) => (know = resolve)));
@@ -105,7 +105,7 @@ for (const [what, order] of [['after', ['open', 'ready']], ['before', ['ready', 
   });
 }
 
-test('a silent link counts as lost, and a new one begins with nothing to say', () => {
+test('a silent link counts as lost, and a new link sends no old message', () => {
   latest('/ws/drive').open();
   connection.nextSeq();
   assert.equal(connection.nextSeq(), 2);
@@ -123,7 +123,7 @@ test('a silent link counts as lost, and a new one begins with nothing to say', (
   assert.equal(connection.nextSeq(), 1);
 });
 
-test('a dead robot is asked for less and less often, a living one at once', () => {
+test('the page retries a robot that does not answer less and less often', () => {
   for (const wait of [250, 500, 1000, 2000, 2000]) {
     const before = FakeSocket.all.length;
     latest('/ws/drive').onclose();
@@ -134,7 +134,7 @@ test('a dead robot is asked for less and less often, a living one at once', () =
   }
 });
 
-test('a page out of sight stays away once it has lost its link, and is back at once when it is seen', () => {
+test('a hidden page does not reconnect after it has lost its link, but does so at once when it is visible', () => {
   latest('/ws/drive').open();
   isHidden = true;
   latest('/ws/drive').onclose();
@@ -149,14 +149,14 @@ test('a page out of sight stays away once it has lost its link, and is back at o
   assert.deepEqual(open.map(({ url }) => url), ['ws://robot/ws/drive', 'ws://robot/ws/video']);
 });
 
-test('more tabs than a person has places for do not take turns: the one that is seen stays', () => {
+test('if a person has more tabs than slots, the visible tab keeps its link and the tabs do not evict one another in turn', () => {
   const places = 3;
   const tabs = [];
   const sockets = () => FakeSocket.all.filter((socket) => socket.readyState < 2 && socket.url.endsWith('/ws/drive'));
   const settle = () => sockets().forEach((socket) => {
     if (socket.readyState === 0) socket.open();
     socket.onmessage({ data: '{"type":"hello"}' });
-    if (sockets().length > places) { // as a robot does: who came first gives way
+    if (sockets().length > places) { // like a robot, which evicts the oldest
       const [first] = sockets();
       first.readyState = 3;
       first.onclose();
@@ -183,22 +183,22 @@ test('more tabs than a person has places for do not take turns: the one that is 
   assert.equal(lost, 0);
 });
 
-test('the clocks are compared by the quickest answer', () => {
+test('the fastest answer determines the offset of the clocks', () => {
   latest('/ws/drive').open();
   const pong = (sentMs, backMs, serverMs) => {
     time.nowMs = backMs;
     latest('/ws/drive').onmessage({ data: JSON.stringify({ type: 'pong', client_ms: sentMs, server_ms: serverMs }) });
   };
   assert.equal(connection.ageMs(0), null);
-  pong(100, 300, 5000); // 200 ms there and back, answered at 200 by our clock: 4800 ahead
+  pong(100, 300, 5000); // a round trip of 200 ms, answered at 200 by our clock: 4800 ahead
   assert.equal(connection.ageMs(5000), 100);
-  pong(400, 410, 5205); // 10 ms there and back: the same difference, told better
-  pong(500, 900, 5900); // a slow one changes nothing
+  pong(400, 410, 5205); // a round trip of 10 ms: the same offset, but more exact
+  pong(500, 900, 5900); // a slow answer changes nothing
   assert.equal(connection.delayMs, 400);
   assert.equal(connection.ageMs(5600), 100);
 });
 
-test('a video socket that closes alone is opened again', () => {
+test('a video websocket that closes by itself is opened again', () => {
   latest('/ws/drive').open();
   latest('/ws/video').open();
   latest('/ws/video').onclose();
@@ -206,7 +206,7 @@ test('a video socket that closes alone is opened again', () => {
   assert.equal(FakeSocket.all.filter((s) => s.url.endsWith('/ws/video')).length, 2);
 });
 
-test('a video socket that hangs alone is given up for a new one, as long as there are newer pictures to see', () => {
+test('a video websocket that hangs is replaced as long as newer pictures exist', () => {
   const videos = () => FakeSocket.all.filter((s) => s.url.endsWith('/ws/video'));
   const live = (ms, frameAt) => {
     for (let gone = 0; gone < ms; gone += 100) {
@@ -218,22 +218,22 @@ test('a video socket that hangs alone is given up for a new one, as long as ther
   latest('/ws/video').open();
   connection.noteShown({ frame: 7, nonce: 5 });
   live(20_000, () => 7);
-  assert.equal(videos().length, 1, 'a camera that stands has none');
+  assert.equal(videos().length, 1, 'a frozen camera has no newer pictures');
   live(4000, (gone) => 8 + gone);
   connection.noteShown({ frame: 9, nonce: 5 });
   live(4000, (gone) => 50 + gone);
-  assert.equal(videos().length, 1, 'a slow one is waited for');
+  assert.equal(videos().length, 1, 'the page waits for a slow websocket');
   live(2000, (gone) => 5000 + gone);
   assert.equal(videos().length, 2);
   assert.equal(videos()[0].readyState, 3);
   live(6000, (gone) => 9000 + gone);
-  assert.equal(videos().length, 3, 'and again');
+  assert.equal(videos().length, 3, 'the next one is replaced, too');
   connection.showPictures(false);
   live(20_000, (gone) => 20_000 + gone);
-  assert.equal(videos().length, 3, 'not while nobody looks');
+  assert.equal(videos().length, 3, 'no pictures are wanted');
 });
 
-test('commands prove themselves by what came last: a picture that is drawn late came before the states since', () => {
+test('a command carries the nonce that arrived last, even if an older picture is drawn later', () => {
   const state = (nonce) => latest('/ws/drive').onmessage({ data: JSON.stringify({ type: 'state', nonce }) });
   const draw = (nonce, arrivedMs) => connection.noteShown({ frame: nonce, capturedMs: 0, arrivedMs, nonce });
   latest('/ws/drive').open();
@@ -243,19 +243,19 @@ test('commands prove themselves by what came last: a picture that is drawn late 
   state(12);
   time.forward(400);
   draw(13, 60);
-  assert.equal(connection.nonce, 12, 'it proves what is 440 ms old: the robot would take nothing with it, not even that all is let go of');
+  assert.equal(connection.nonce, 12, 'a nonce from 440 ms ago is too old: the robot would refuse even a release');
   draw(14, 480);
   assert.equal(connection.nonce, 14);
   draw(15, 60_000);
   state(16);
-  assert.equal(connection.nonce, 16, 'though the clock by which the picture arrived is ahead');
+  assert.equal(connection.nonce, 16, 'a picture from the future does not count');
   latest('/ws/drive').onclose();
   time.forward(250);
   draw(17, 490);
-  assert.equal(connection.nonce, null, 'nor does what another link has brought');
+  assert.equal(connection.nonce, null, 'nonces of an earlier link do not count');
 });
 
-test('what the last link was waited for brings no pictures to a screen that shows none', () => {
+test('a new link requests no pictures for a screen that shows none', () => {
   latest('/ws/drive').open();
   latest('/ws/drive').onmessage({ data: '{"type":"state","frame":8}' });
   latest('/ws/drive').onclose();

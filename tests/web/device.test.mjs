@@ -3,7 +3,7 @@ import { test } from 'node:test';
 
 import { Preferences, WakeLock } from '../../web/js/device.js';
 
-test('the screen is kept on by one lock, however often it is wanted before the browser answers', async () => {
+test('one lock keeps the screen on, however often it is requested before the browser answers', async () => {
   const held = new Set();
   const answers = [];
   const makeLock = () => {
@@ -20,10 +20,10 @@ test('the screen is kept on by one lock, however often it is wanted before the b
   await Promise.all(wants);
   assert.equal(held.size, 1);
   await wakeLock.want(false);
-  assert.equal(held.size, 0, 'a screen that need not be on goes off');
+  assert.equal(held.size, 0, 'a screen that need not stay on may turn off');
 });
 
-test('two tabs of one phone do not undo what the other was told', () => {
+test('two tabs of one phone do not undo each other’s settings', () => {
   const kept = new Map();
   const storage = { getItem: (key) => kept.get(key) ?? null, setItem: (key, value) => kept.set(key, value) };
   const [older, newer] = [new Preferences(storage), new Preferences(storage)];
@@ -35,7 +35,7 @@ test('two tabs of one phone do not undo what the other was told', () => {
   assert.deepEqual([vibrate, tilt, hintsShown, sticks], [false, true, ['teach'], ['rover']]);
 });
 
-test('where nothing more can be kept, what was chosen holds as long as the page is open', () => {
+test('if the storage is full, a setting lasts until the page is closed', () => {
   const full = { getItem: () => '{"vibrate":true}', setItem: () => { throw new Error('QuotaExceededError'); } };
   const preferences = new Preferences(full);
   preferences.set('vibrate', false);

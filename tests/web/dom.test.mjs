@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-/** As much of a document as building a button takes. */
+/** The part of a document that building a button needs. */
 class FakeElement extends EventTarget {
   classes = new Set();
   classList = { add: (name) => this.classes.add(name), remove: (name) => this.classes.delete(name) };
@@ -14,7 +14,7 @@ const { h } = await import('../../web/js/dom.js');
 const { Screen } = await import('../../web/js/components/screen.js');
 const soon = () => new Promise((resolve) => setImmediate(resolve));
 
-/** A button that asks the robot for something; `answer` ends what was asked last. */
+/** A button that sends a request; `answer` completes the last request. */
 function asking(t, on) {
   const clock = { now: 1000 };
   t.mock.method(performance, 'now', () => clock.now);
@@ -29,24 +29,24 @@ function asking(t, on) {
 }
 
 for (const on of ['onclick', 'onsubmit']) {
-  test(`a second tap on what is not answered yet asks for nothing more: ${on}`, async (t) => {
+  test(`a second tap sends no request while the first is pending: ${on}`, async (t) => {
     const { clock, control, asked, press } = asking(t, on);
     press();
     clock.now += 400;
-    assert.ok(press().defaultPrevented, 'a form is not sent to another page');
+    assert.ok(press().defaultPrevented, 'the form does not leave the page');
     assert.equal(asked.length, 1);
     asked[0]();
     await soon();
-    assert.ok(control.classes.has('fresh'), 'the finger was on its way when the answer came');
+    assert.ok(control.classes.has('fresh'), 'a finger that is already on its way must not tap again');
     press();
-    assert.equal(asked.length, 2, 'after a look at what came of it');
+    assert.equal(asked.length, 2, 'a tap counts again after the person has seen the result');
     clock.now += 6000;
     press();
-    assert.equal(asked.length, 3, 'what hangs is not waited for');
+    assert.equal(asked.length, 3, 'a request that hangs does not block the button forever');
   });
 }
 
-test('what is over at once can be pressed as often as one likes, and a value that changes is always told', (t) => {
+test('a button without a request can be pressed any number of times, and each change of a value is sent', (t) => {
   t.mock.method(performance, 'now', () => 1000);
   let [pressed, changed] = [0, 0];
   const control = h('input', { onclick: () => void (pressed += 1), onchange: async () => { changed += 1; } });
@@ -54,7 +54,7 @@ test('what is over at once can be pressed as often as one likes, and a value tha
   assert.deepEqual([pressed, changed], [3, 3]);
 });
 
-test('an open screen asks again and again, but not while an answer is on its way', async (t) => {
+test('an open screen polls, but has only one request pending at a time', async (t) => {
   t.mock.timers.enable({ apis: ['setInterval'] });
   const screen = new Screen();
   screen.endings = [];
@@ -70,5 +70,5 @@ test('an open screen asks again and again, but not while an answer is on its way
   asked[1]();
   await soon();
   t.mock.timers.tick(5000);
-  assert.equal(asked.length, 2, 'nothing is asked for a screen that was left');
+  assert.equal(asked.length, 2, 'a closed screen sends no request');
 });

@@ -1,4 +1,4 @@
-// The eye's page as a whole, beside a camera, a worker and a robot that fail.
+// The whole page of the eye, with a camera, a worker and a robot that fail.
 import assert from 'node:assert/strict';
 import { mock, test } from 'node:test';
 
@@ -45,7 +45,7 @@ const place = { reloads: 0, reload: () => (place.reloads += 1) };
 Object.defineProperty(globalThis, 'navigator', { configurable: true, value: { languages: ['en'], mediaDevices: {
   getUserMedia: async () => { const track = new FakeTrack(); tracks.push(track); return { getTracks: () => [track] }; },
 } } });
-/** The window's listeners of keys, the first that come first. @type {[string, Function][]} */
+/** The window's key listeners, in the order of registration. @type {[string, Function][]} */
 const keys = [];
 Object.assign(globalThis, {
   window: globalThis, HTMLElement: class {}, addEventListener: (type, act) => keys.push([type, act]), OffscreenCanvas: FakeCanvas, Worker: FakeWorker, WebSocket: FakeSocket, location: place,
@@ -69,23 +69,23 @@ async function pass(ms) {
 const socket = () => FakeSocket.all.at(-1);
 const hear = (words) => socket().onmessage({ data: JSON.stringify(words) });
 const pictures = () => FakeSocket.all.flatMap(({ sent }) => sent).filter((one) => typeof one !== 'string').length;
-/** Acknowledge all that was sent, so that there is credit for more. */
+/** Acknowledge all pictures, so that the page may send more. */
 const acknowledge = () => socket().onmessage({ data: new Uint8Array([2, 0, 0, 0, socket().sent.length, 0, 0, 0]).buffer });
 
 await import('../../web/eye/eye.js');
 await soon();
 
-test('a worker that cannot pack leaves it to the page', async () => {
+test('the page encodes the pictures if the worker cannot', async () => {
   hear({ type: 'hello', width: 320, height: 240, rate_hz: 15 });
   await pass(200);
-  assert.ok(FakeWorker.last.asked.bitmap, 'it was asked');
+  assert.ok(FakeWorker.last.asked.bitmap, 'the worker was asked first');
   assert.equal(pictures(), 0);
   FakeWorker.last.onmessage({ data: null });
   await pass(200);
-  assert.ok(pictures() > 0, 'else this eye would see nothing more');
+  assert.ok(pictures() > 0, 'the page sends pictures');
 });
 
-test('the worker says so when it cannot', async () => {
+test('the worker reports that it cannot encode', async () => {
   const [heard, said] = [[], []];
   Object.assign(globalThis, { addEventListener: (_, act) => heard.push(act), postMessage: (data) => said.push(data) });
   FakeCanvas.prototype.convertToBlob = async () => { throw new Error('EncodingError'); };
@@ -95,7 +95,7 @@ test('the worker says so when it cannot', async () => {
   assert.deepEqual(said, [null]);
 });
 
-test('a camera that is lost sends no picture more, its last one neither, and one that is back is one', async () => {
+test('a lost camera sends no picture, not even its last one, and after it is back only one loop runs', async () => {
   acknowledge();
   await pass(200);
   const before = pictures();
@@ -113,12 +113,12 @@ test('a camera that is lost sends no picture more, its last one neither, and one
   await soon();
   timers.mock.resetCalls();
   await pass(1000);
-  assert.ok(timers.mock.callCount() < 1.5 * once + 10, 'it is looked at as often as before');
+  assert.ok(timers.mock.callCount() < 1.5 * once + 10, 'the page takes pictures as often as before');
   timers.mock.restore();
 });
 
 for (const [name, key] of [['NotFoundError', 'eye.none'], ['NotReadableError', 'eye.in_use'], ['NotAllowedError', 'eye.refused']]) {
-  test(`an eye whose browser gives no camera says why: ${name}`, async () => {
+  test(`an eye without a camera says why: ${name}`, async () => {
     const { getUserMedia } = navigator.mediaDevices;
     navigator.mediaDevices.getUserMedia = async () => { throw Object.assign(new Error(), { name }); };
     elements.begin.dispatchEvent(new Event('click'));
@@ -130,7 +130,7 @@ for (const [name, key] of [['NotFoundError', 'eye.none'], ['NotReadableError', '
   });
 }
 
-test('a STOP is asked for until the robot hears it, also where the line is another phone’s', async () => {
+test('the page repeats STOP requests until the robot obeys, even if another phone has the websocket', async () => {
   socket().onclose({ code: 4001 });
   robot = async () => { throw new TypeError('away'); };
   asked.length = 0;
@@ -141,11 +141,11 @@ test('a STOP is asked for until the robot hears it, also where the line is anoth
   await pass(1000);
   const heard = asked.length;
   await pass(5000);
-  assert.equal(asked.length, heard, 'and then it is enough');
+  assert.equal(asked.length, heard, 'no request follows');
   assert.deepEqual([...new Set(asked)], ['POST api/stop']);
 });
 
-test('a key stops it wherever the focus is, and presses a button while the robot stands', async () => {
+test('a key stops the robot wherever the focus is, and presses a button while the robot stands', async () => {
   elements.begin.dispatchEvent(new Event('click'));
   await soon();
   const press = (key, target) => {
@@ -162,7 +162,7 @@ test('a key stops it wherever the focus is, and presses a button while the robot
   assert.equal(stops(), 6);
 });
 
-test('an eye whose pairing has ended is led to the page that pairs it', async () => {
+test('an eye that is no longer paired goes to the pairing page', async () => {
   robot = async () => ({ ok: false, status: 403, json: async () => ({}) });
   elements.begin.dispatchEvent(new Event('click'));
   await soon();

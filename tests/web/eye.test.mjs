@@ -35,9 +35,9 @@ test('a picture has a header of 16 bytes, little-endian', () => {
   assert.deepEqual([view.getUint8(0), view.getUint8(1), view.getUint32(4, true), view.getFloat64(8, true), view.byteLength], [3, 1, 258, 1.5, 19]);
 });
 
-test('two pictures are on the way at most; an acknowledgement gives credit back', () => {
+test('at most two pictures are in flight; an acknowledgement allows one more', () => {
   const { made, socket } = link();
-  assert.equal(made.show(picture, 1, false), false, 'not before the robot greets');
+  assert.equal(made.show(picture, 1, false), false, 'nothing is sent before the hello');
   hear(socket(), { type: 'hello' });
   assert.deepEqual([1, 2, 3].map((n) => made.show(picture, n, false)), [true, true, false]);
   socket().onmessage({ data: ack(1) });
@@ -52,22 +52,22 @@ test('a question about the clock is answered at once', () => {
   assert.deepEqual(JSON.parse(socket().sent[0]), { type: 'pong', server_ms: 77, eye_ms: 1234 });
 });
 
-test('a silent robot is looked for again, one that sends us away is not', () => {
+test('the eye reconnects to a silent robot, but not to one that sent it away', () => {
   const { made, timers, socket } = link();
   const events = [];
   for (const name of ['lost', 'closed']) made.addEventListener(name, () => events.push(name));
   [...timers.values()].at(-1).f();
   assert.deepEqual(events, ['lost']);
   [...timers.values()].at(-1).f();
-  assert.equal(FakeSocket.made.length, 2, 'it connects again');
+  assert.equal(FakeSocket.made.length, 2, 'the eye reconnects');
   hear(socket(), { type: 'hello' });
-  assert.ok(made.hasCredit, 'with new credit');
+  assert.ok(made.hasCredit, 'pictures are allowed again');
   socket().onclose({ code: 4001 });
   assert.deepEqual(events, ['lost', 'closed']);
   assert.equal(timers.size, 0);
 });
 
-test('STOP goes out whatever the credit', () => {
+test('STOP is sent even if no picture may be sent', () => {
   const { made, socket } = link();
   hear(socket(), { type: 'hello' });
   while (made.show(picture, 1, false));
@@ -75,7 +75,7 @@ test('STOP goes out whatever the credit', () => {
   assert.deepEqual(JSON.parse(socket().sent.at(-1)), { type: 'stop' });
 });
 
-test('a STOP that a dead line has swallowed is said on the next, until the robot shows that it heard it', () => {
+test('a STOP lost on a dead connection is repeated on the next one, until the robot shows that it has stopped', () => {
   const { made, timers, socket } = link();
   const next = () => {
     socket().onclose({ code: 1006 });
@@ -85,14 +85,14 @@ test('a STOP that a dead line has swallowed is said on the next, until the robot
   };
   assert.deepEqual(next(), [], 'nobody has pressed it');
   made.stop();
-  assert.deepEqual(next(), ['stop'], 'the line was dead and did not know it');
+  assert.deepEqual(next(), ['stop'], 'the STOP was lost on the dead connection');
   hear(socket(), { type: 'state', mode: 'stopped', emergency: false });
-  assert.deepEqual(next(), ['stop'], 'that is older than the stop');
+  assert.deepEqual(next(), ['stop'], 'that state is older than the STOP');
   hear(socket(), { type: 'state', mode: 'stopped', emergency: true });
-  assert.deepEqual(next(), [], 'who releases it is not stopped again');
+  assert.deepEqual(next(), [], 'a released robot is not stopped again');
   socket().onclose({ code: 1006 });
   made.stop();
   [...timers.values()].at(-1).f();
   hear(socket(), { type: 'hello' });
-  assert.deepEqual(socket().sent.map((text) => JSON.parse(text).type), ['stop'], 'there was no line');
+  assert.deepEqual(socket().sent.map((text) => JSON.parse(text).type), ['stop'], 'the STOP was pressed without a connection');
 });

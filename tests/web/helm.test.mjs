@@ -19,7 +19,7 @@ beforeEach(() => {
 
 const held = () => said.map((word) => word.held);
 
-test('each change is said at once, with the picture that was looked at', () => {
+test('each change is sent immediately, with the picture that the pilot sees', () => {
   helm.press('finger 1', 'forward');
   helm.release('finger 1');
   assert.deepEqual(said, [
@@ -28,7 +28,7 @@ test('each change is said at once, with the picture that was looked at', () => {
   ]);
 });
 
-test('one direction at a time: the newest counts, and below it the one still held', () => {
+test('the newest direction counts; after its release, the one that is still held', () => {
   helm.press('finger 1', 'forward');
   helm.press('finger 2', 'left');
   helm.release('finger 2');
@@ -43,7 +43,7 @@ test('a finger that slides changes its direction', () => {
   assert.deepEqual(held(), ['forward', 'right']);
 });
 
-test('without a chosen mode nothing is held, and the page is told', () => {
+test('without a mode nothing is held, and the page gets an event', () => {
   let refused = 0;
   helm.addEventListener('refused', () => (refused += 1));
   helm.follow({ mode: 'stopped', you_are_pilot: true }, MOVES);
@@ -52,7 +52,7 @@ test('without a chosen mode nothing is held, and the page is told', () => {
   assert.equal(refused, 1);
 });
 
-test('a stop lets go of everything: it must be pressed anew', () => {
+test('a stop releases everything, so each control must be pressed again', () => {
   helm.press('finger 1', 'forward');
   helm.follow({ mode: 'stopped', you_are_pilot: true }, MOVES);
   helm.follow({ mode: 'train', you_are_pilot: true }, MOVES);
@@ -60,7 +60,7 @@ test('a stop lets go of everything: it must be pressed anew', () => {
   assert.equal(said.at(-1).held, null);
 });
 
-test('a lost link lets go, and says nothing to the next one before it has the wheel', () => {
+test('a lost link releases everything, and nothing is sent on the next link before the page has the wheel', () => {
   helm.press('finger 1', 'forward');
   helm.lose();
   const before = said.length;
@@ -69,36 +69,36 @@ test('a lost link lets go, and says nothing to the next one before it has the wh
   assert.equal(helm.held, null);
 });
 
-test('who only watches sends no commands', () => {
+test('a viewer sends no commands', () => {
   helm.follow({ mode: 'train', you_are_pilot: false }, MOVES);
   helm.press('finger 1', 'forward');
   helm.beat();
   assert.deepEqual(said, []);
 });
 
-test('a move that the robot was not given is no move', () => {
+test('a move that the robot does not have is ignored', () => {
   helm.press('key ArrowDown', 'backward');
   assert.equal(helm.held, null);
 });
 
-test('choosing a mode lets go first', () => {
+test('choosing a mode first releases the held move', () => {
   helm.press('finger 1', 'forward');
   helm.choose('autonomous');
   assert.deepEqual(said.slice(1).map((w) => w.mode ?? w.held), [null, 'autonomous']);
 });
 
-test('a heartbeat is sent when it is due, whoever asks, and lateness is noticed', () => {
+test('heartbeats are sent when they are due, however often the helm is asked, and lateness is measured', () => {
   for (let ms = 0; ms <= 1000; ms += 10) helm.beatIfDue(ms);
   assert.ok(said.length >= 10 && said.length <= 12, `${said.length} heartbeats in a second`);
   assert.ok(helm.lateMs < 5);
   for (let ms = 1100; ms <= 4000; ms += 180) helm.beatIfDue(ms);
-  assert.ok(helm.lateMs > 15, 'a phone whose timers come late is slow');
+  assert.ok(helm.lateMs > 15, 'late timers show that the phone is slow');
 });
 
 const points = () => said.map(({ held: move, steering, throttle }) => (steering === undefined ? move : [move, steering, throttle]));
 const proportional = () => declare([['forward', 0], ['left', -1], ['right', 1]].map(([name, steering]) => ({ name, label: {}, icon: '', does: '', steering, throttle: 0.5 })));
 
-test('a stick is grasped, steered and let go of; a rest is told, and holds on', () => {
+test('a stick is grasped, steered and released; at rest it sends null, but stays grasped', () => {
   proportional();
   let nowMs = 0;
   helm.beatMs = -1000;
@@ -113,7 +113,7 @@ test('a stick is grasped, steered and let go of; a rest is told, and holds on', 
   assert.deepEqual(points(), [['left', -0.3, 0.4], ['forward', 0.1, 0.4], null, ['right', 0.9, 0.4], null]);
 });
 
-test('a stick that turns fast is told twenty times a second, and let go of at once', () => {
+test('a stick that turns fast sends twenty messages a second, and its release is sent immediately', () => {
   proportional();
   let nowMs = 1000;
   mock.method(performance, 'now', () => nowMs);
@@ -131,7 +131,7 @@ test('a stick that turns fast is told twenty times a second, and let go of at on
   assert.equal(said.at(-1).steering, undefined);
 });
 
-test('what was let go of must be grasped anew, whatever the thumb does', () => {
+test('a released stick must be grasped again, whatever the thumb does', () => {
   proportional();
   helm.grasp('stick');
   helm.steer('stick', { steering: 0, throttle: 0.5 });
@@ -143,10 +143,10 @@ test('what was let go of must be grasped anew, whatever the thumb does', () => {
   helm.follow({ mode: 'stopped', you_are_pilot: true }, MOVES);
   helm.grasp('stick');
   helm.steer('stick', { steering: 0.5, throttle: 0.5 });
-  assert.equal(helm.held, null, 'nor is it grasped while the robot is stopped');
+  assert.equal(helm.held, null, 'the stick cannot be grasped while the robot is stopped');
 });
 
-test('a thumb that rests lets an older finger count', () => {
+test('while the thumb rests, an older finger counts', () => {
   proportional();
   helm.press('finger 1', 'forward');
   helm.grasp('stick');
@@ -157,7 +157,7 @@ test('a thumb that rests lets an older finger count', () => {
   assert.equal(helm.held, 'forward');
 });
 
-test('a controller is a stick; what a stop took from it must come back to its middle first', () => {
+test('a gamepad works like a stick; after a stop, it must return to its middle first', () => {
   proportional();
   const pad = { index: 0, connected: true, axes: [0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })) };
   const frames = [];
@@ -178,11 +178,11 @@ test('a controller is a stick; what a stop took from it must come back to its mi
   look(0, -1);
   pad.buttons[1].pressed = false;
   look(0.3, -1);
-  assert.equal(helm.held, null, 'it is held no more');
+  assert.equal(helm.held, null, 'the stop released the gamepad');
   look(0, 0);
   look(1, 0);
   assert.equal(helm.held, 'right');
   pads = [];
   frames.pop()();
-  assert.equal(helm.held, null, 'a controller that is gone drives nothing');
+  assert.equal(helm.held, null, 'a disconnected gamepad drives nothing');
 });

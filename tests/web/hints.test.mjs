@@ -13,7 +13,7 @@ const visit = (moments) => {
   return seen;
 };
 
-test('each hint comes at its moment, and once', () => {
+test('each hint is shown once, at the right moment', () => {
   const stopped = { mode: 'stopped', lessons: 0 };
   const first = { mode: 'train', lessons: 3 };
   const taught = { mode: 'train', lessons: 90 };
@@ -22,7 +22,7 @@ test('each hint comes at its moment, and once', () => {
   assert.deepEqual(visit([alone]), ['correct']);
 });
 
-test('no hint is about something else than what happens now', () => {
+test('each hint is about the current situation', () => {
   for (const mode of ['stopped', 'train', 'autonomous']) {
     for (const lessons of [0, 1, 59, 60, 5000]) {
       const hint = hintNow({ mode, lessons }, []);

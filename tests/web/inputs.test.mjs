@@ -10,7 +10,7 @@ const pad = (axes, pressed = []) => ({
   buttons: Array.from({ length: 17 }, (_, i) => ({ pressed: pressed.includes(i) })),
 });
 
-test('the stick drives to where it points most, and must come well back', () => {
+test('a stick drives in its main direction, and must return well towards its middle to stop', () => {
   assert.equal(readGamepad(pad([0.1, -0.2]), null), null);
   assert.equal(readGamepad(pad([0.3, -0.9]), null), 'forward');
   assert.equal(readGamepad(pad([-0.7, 0.1]), null), 'left');
@@ -19,11 +19,11 @@ test('the stick drives to where it points most, and must come well back', () => 
   assert.equal(readGamepad(pad([0.3, 0]), 'right'), null);
 });
 
-test('the cross goes before the stick', () => {
+test('the cross has priority over the stick', () => {
   assert.equal(readGamepad(pad([1, 0], [14]), null), 'left');
 });
 
-test('tilt counts from where the thumb went down, in each way to hold a phone', () => {
+test('tilt counts from the pose at the touch, however the phone is held', () => {
   const zero = { beta: 40, gamma: 2 };
   const lean = (beta, gamma, angle = 0, before = null) =>
     readTilt({ beta: 40 + beta, gamma: 2 + gamma }, zero, angle, before);
@@ -38,8 +38,8 @@ test('tilt counts from where the thumb went down, in each way to hold a phone', 
   assert.equal(lean(0, -11, 0, 'left'), 'left');
 });
 
-test('tilt is even where a phone stands upright or hangs over a head, and the browser names leans anew', () => {
-  /** As a browser says it: beta from -180 to 180, gamma from -90 to 90. */
+test('tilt is continuous where a phone stands upright or is held overhead, although the browser’s angles jump there', () => {
+  /** Angles as a browser reports them: beta from -180 to 180, gamma from -90 to 90. */
   const told = (beta, gamma) => {
     const [b, g] = gamma >= -90 && gamma < 90 ? [beta, gamma] : [180 - beta, gamma - 180 * Math.sign(gamma)];
     return { beta: b - 360 * Math.floor((b + 180) / 360), gamma: g };
@@ -55,7 +55,7 @@ test('tilt is even where a phone stands upright or hangs over a head, and the br
   }
 });
 
-test('raw pictures become what a canvas draws', () => {
+test('raw pictures are converted to the canvas’s RGBA', () => {
   const rgb = { data: new Uint8Array([1, 2, 3, 4, 5, 6]), width: 2, height: 1 };
   assert.deepEqual([...rgbToRgba(rgb)], [1, 2, 3, 255, 4, 5, 6, 255]);
   const grey = { data: new Uint8Array([16, 128, 235, 128]), width: 2, height: 1 };
@@ -65,7 +65,7 @@ test('raw pictures become what a canvas draws', () => {
   assert.ok(r > 250 && g < 5 && b < 5, `${r} ${g} ${b}`);
 });
 
-test('a tilt sensor that falls silent drives no further', (context) => {
+test('a silent tilt sensor stops the robot', (context) => {
   context.mock.timers.enable({ apis: ['setTimeout'] });
   const listeners = {};
   Object.assign(globalThis, {
@@ -82,13 +82,13 @@ test('a tilt sensor that falls silent drives no further', (context) => {
   context.mock.timers.tick(1);
   assert.equal(done.at(-1), null);
   listeners.deviceorientation({ beta: 10, gamma: 0 });
-  assert.equal(done.at(-1), 'forward', 'and drives again once it speaks');
+  assert.equal(done.at(-1), 'forward', 'new readings drive again');
   tilt.letGo();
   assert.equal(done.at(-1), null);
   assert.deepEqual(listeners, {});
 });
 
-test('a phone that tells how it is turned by its older name alone is tilted as any', () => {
+test('tilt also works on a phone that has only the older name of the screen’s orientation', () => {
   for (const [screen, orientation] of [[{ orientation: { angle: 90 } }, undefined], [{ orientation: { angle: 270 } }, undefined], [{}, 90], [{}, -90]]) {
     Object.assign(globalThis, { addEventListener() {}, removeEventListener() {}, screen, orientation });
     const done = [];
@@ -102,7 +102,7 @@ test('a phone that tells how it is turned by its older name alone is tilted as a
   delete globalThis.orientation;
 });
 
-test('a phone that gives no tilt on this visit is asked for it as the finger comes up', async () => {
+test('the page requests permission for tilt when the finger is lifted', async () => {
   let asked = 0;
   Object.assign(globalThis, {
     addEventListener() {}, removeEventListener() {}, isSecureContext: true, screen: {},
@@ -110,11 +110,11 @@ test('a phone that gives no tilt on this visit is asked for it as the finger com
   });
   const tilt = new Tilt({ grasp() {}, press() {}, release() {} });
   tilt.hold();
-  assert.equal(asked, 0, 'browsers refuse that as it goes down');
+  assert.equal(asked, 0, 'browsers refuse the request while the finger goes down');
   tilt.letGo();
   assert.equal(asked, 1);
   tilt.hold();
   tilt.follow({ beta: 40, gamma: 0 });
   tilt.letGo();
-  assert.equal(asked, 1, 'it has given it');
+  assert.equal(asked, 1, 'the permission was granted');
 });

@@ -1,4 +1,4 @@
-// Joined files hold the same code as the modules: token by token, only comments and layout are gone.
+// Joined files have the same tokens as the modules; only comments and layout are removed.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { readFileSync, readdirSync } from 'node:fs';
@@ -18,7 +18,7 @@ const tokens = (text) => {
     if (parts.length) parts.forEach(visit);
     else {
       const own = text.slice(ts.skipTrivia(text, node.pos), node.end);
-      // An empty block may hold a comment; a text is what it is.
+      // An empty block may contain a comment; strings stay unchanged.
       found.push(/^[{[(]/.test(own) ? own.replace(/\/\/.*|\/\*[^]*?\*\//g, '').replace(/\s/g, '') : own);
     }
   };
@@ -29,7 +29,7 @@ const tokens = (text) => {
 const modules = (folder) => readdirSync(new URL(folder, web), { withFileTypes: true }).flatMap((entry) =>
   entry.isDirectory() ? modules(`${folder}${entry.name}/`) : entry.name.endsWith('.js') ? [`${folder}${entry.name}`] : []);
 
-test('what is left of each module means the same', { skip: !ts || !python }, () => {
+test('each joined module has the same tokens as its source', { skip: !ts || !python }, () => {
   const names = modules('js/');
   assert.ok(names.length > 50);
   const program = 'import json, pathlib, sys; from web.bundle import shrink;'

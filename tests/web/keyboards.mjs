@@ -1,6 +1,6 @@
-// Keyboards as they come, and what hands do on them: what the page is told, and what is true.
+// Simulates keyboards and hands: the events that the page gets, and which keys are really down.
 
-/** Numbers that are the same on each run. @param {number} seed */
+/** Random numbers that are the same in each run. @param {number} seed */
 export function lottery(seed) {
   let at = seed;
   return () => ((at = (Math.imul(at ^ (at >>> 15), 2246822519) + 374761393) >>> 0) / 2 ** 32);
@@ -14,7 +14,7 @@ const PAD = { Numpad8: ['ArrowUp', '8'], Numpad4: ['ArrowLeft', '4'], Numpad6: [
 const NUMBERS = { ArrowLeft: 37, ArrowUp: 38, ArrowRight: 39, ArrowDown: 40, Space: 32, Escape: 27, MediaStop: 178, Pause: 19, BrowserBack: 461, Enter: 13, ShiftLeft: 16, AltLeft: 18, MetaLeft: 91 };
 const OLD = { ArrowUp: 'Up', ArrowLeft: 'Left', ArrowRight: 'Right', ArrowDown: 'Down', ' ': 'Spacebar', Escape: 'Esc' };
 const NAMES = { Space: ' ', BrowserBack: 'GoBack', ShiftLeft: 'Shift', AltLeft: 'Alt', MetaLeft: 'Meta' };
-/** What a person means who presses it, whatever the page is told. */
+/** The move that a person means by each key, whatever event the page gets. */
 const MEANT = {
   ArrowUp: 'forward', ArrowLeft: 'left', ArrowRight: 'right', ArrowDown: 'backward', Numpad8: 'forward', Numpad4: 'left', Numpad6: 'right', Numpad2: 'backward',
   KeyW: 'forward', KeyA: 'left', KeyD: 'right', KeyS: 'backward', KeyQ: 'spin_left', KeyE: 'spin_right', ...Object.fromEntries(MOVES.map((move, i) => [`Digit${i + 1}`, move])),
@@ -26,8 +26,8 @@ const SIGNS = ['blur', 'hidden', 'contextmenu', 'dragstart', 'AltLeft', 'MetaLef
 export const FOCUSES = ['body', 'button', 'select', 'text', 'range', 'dialog'];
 
 /**
- * A history of one keyboard: in each step the page is told something, or time passes, and then the move that is
- * held may only be one of `allowed`, those of keys that are down; after `isStop` the robot stands.
+ * A history of one keyboard: in each step the page gets an event, or time passes. After the step, a held move must be
+ * one of `allowed`, the moves of the keys that are down; after `isStop` the robot must stand.
  * @param {number} seed
  */
 export function historyOf(seed, length = 40) {
@@ -48,7 +48,7 @@ export function historyOf(seed, length = 40) {
   };
   const tell = (/** @type {string} */ type, /** @type {string} */ place, about = {}) => {
     const name = nameOf(place);
-    // A letter of another script has the number of the Latin one in its place; a sign has one of the others.
+    // A letter of another script has the key code of the Latin letter at its place; a sign has another code.
     const latin = /^[a-z0-9]$/i.test(name) ? name : /^\p{L}$/u.test(name) && name > '\u024f' ? place[3] : '';
     const number = NUMBERS[place] ?? NUMBERS[name] ?? (latin ? latin.toUpperCase().charCodeAt(0) : name.length === 1 ? 222 : 0);
     const known = {
@@ -68,7 +68,7 @@ export function historyOf(seed, length = 40) {
     tell('keydown', place, { ctrlKey: draw() < 0.03 });
     const last = /** @type {any} */ (steps.at(-1));
     last.isStop = STOPS.includes(place);
-    // What a fresh hand on one key must do, so that a page which holds nothing does not pass.
+    // A single key must drive, so that a page that never holds a move fails.
     last.drives = down.size === 1 && !last.init.ctrlKey && ['all', 'no key', 'composing'].includes(keyboard.tells) ? MEANT[place] : undefined;
   };
   const comesUp = (/** @type {string} */ place) => {
@@ -76,14 +76,14 @@ export function historyOf(seed, length = 40) {
     tell('keyup', place);
   };
   const lose = (/** @type {string} */ place) => {
-    const fallsSilent = hasRepeated && steps.at(-1).type === 'keydown' && steps.at(-1).place === place; // after another key it may rightly repeat no more
+    const fallsSilent = hasRepeated && steps.at(-1).type === 'keydown' && steps.at(-1).place === place; // after another key, the end of its repeats means nothing
     const sign = fallsSilent && draw() < 0.5 ? 'silence' : pick(SIGNS);
     if (sign === 'silence') {
       down.delete(place);
       steps.push({ type: 'silence', allowed: [...down.values()].flat(), isStop: false });
       return;
     }
-    down.clear(); // whoever does this has no hand on the keys any more
+    down.clear(); // in these cases no hand is on the keys any more
     if (sign in NUMBERS) tell('keydown', sign, keyboard.tells.includes('code') ? {} : { code: sign, key: NAMES[sign] });
     else steps.push({ type: sign, allowed: [], isStop: false });
   };

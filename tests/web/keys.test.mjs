@@ -9,7 +9,7 @@ import { listenForStop } from '../../web/js/inputs/stop-keys.js';
 import { declare } from '../../web/js/moves.js';
 import { FOCUSES, MOVES, historyOf } from './keyboards.mjs';
 
-/** How many generated histories; more by hand. */
+/** Number of generated histories. */
 const KEYS = Number(process.env.DRIVELESSON_KEYS ?? (process.env.DRIVELESSON_FULL ? 5000 : 300));
 
 class Place {
@@ -17,7 +17,7 @@ class Place {
     Object.assign(this, { tag, type, isContentEditable: false, clicks: 0 });
   }
 
-  /** The selectors of inputs/: an element here is no more than its tag. */
+  /** Matches the selectors of inputs/; an element here is only its tag. */
   matches(selector) {
     return selector.split(/,\s*/).some((part) => part.split(':')[0] === this.tag);
   }
@@ -27,7 +27,7 @@ class Place {
   }
 }
 
-/** A window whose events come to it on their way to an element, and again on their way back. */
+/** A window that gets each event in the capturing phase, and again in the bubbling phase. */
 function makeWindow() {
   const listeners = [];
   const body = new Place('body');
@@ -55,7 +55,7 @@ function drivingPage({ moves = MOVES, hasStick = false, mode = 'train' } = {}) {
   helm.follow({ mode, you_are_pilot: true }, moves);
   const page = { ...window, helm, stops: 0, mode, isDriving: true };
   page.follow = (now) => helm.follow({ mode: (page.mode = now), you_are_pilot: true }, moves);
-  // The robot obeys at once: it is the page that is tested.
+  // The robot obeys at once, because only the page is tested.
   const isDriving = () => page.isDriving;
   listenForStop({ stop: () => { page.stops += 1; helm.releaseAll(); page.follow('stopped'); }, isDriving, mayMove: () => helm.mayBeMoving });
   listenToKeyboard(helm, { isDriving });
@@ -64,7 +64,7 @@ function drivingPage({ moves = MOVES, hasStick = false, mode = 'train' } = {}) {
 }
 
 const INPUTS = [
-  // What is told, what it stops by, and where it drives
+  // The event, the kind of stop that it causes, and the move that it drives
   [{ code: 'KeyW', key: 'w' }, null, 'forward'], [{ code: 'KeyW', key: 'z' }, null, 'forward'], [{ code: 'KeyW', key: 'ц' }, null, 'forward'],
   [{ code: 'KeyW', key: 'Process', keyCode: 229 }, null, 'forward'], [{ code: 'KeyA', key: 'q' }, null, 'left'], [{ code: 'KeyZ', key: 'w' }, null, undefined],
   [{ code: '', key: 'w' }, null, 'forward'], [{ code: '', key: 'W' }, null, 'forward'], [{ key: 'd' }, null, 'right'], [{ code: '', key: '3' }, null, 'right'],
@@ -90,16 +90,16 @@ for (const [event, stop, move] of INPUTS) {
   });
 }
 
-test('no generated keyboard drives on that a stop was pressed on, nor one whose key came up', (context) => {
+test('no generated keyboard drives on after a stop was pressed or a key came up', (context) => {
   let nowMs = 1000;
   Object.defineProperty(globalThis, 'performance', { value: { now: () => nowMs }, configurable: true });
   const pass = (ms) => { nowMs += ms; context.mock.timers.tick(ms); };
   const counts = { drives: 0, stops: 0, silence: 0 };
   for (let seed = 1; seed <= KEYS; seed += 1) {
     const { keyboard, steps } = historyOf(seed);
-    context.mock.timers.reset(); // an interval that is cleared while it runs would run on, in node 20
+    context.mock.timers.reset(); // Node 20 keeps running an interval that is cleared in its own callback
     context.mock.timers.enable({ apis: ['setTimeout', 'setInterval'] });
-    const hasStick = seed % 4 === 0; // with proportional steering a key steers little by little, so ahead at first
+    const hasStick = seed % 4 === 0; // with proportional steering a key steers gradually, so the first move is ahead
     const page = drivingPage({ hasStick });
     const mayHold = (step) => page.helm.held === null || (hasStick ? step.allowed.length > 0 : step.allowed.includes(page.helm.held));
     const places = { body: page.body, button: new Place('button'), select: new Place('select'), text: new Place('input', 'text'), range: new Place('input', 'range'), dialog: new Place('button') };
@@ -135,27 +135,27 @@ test('no generated keyboard drives on that a stop was pressed on, nor one whose 
 
 for (const [what, come] of Object.entries({
   'a menu of the browser': (fire) => fire('contextmenu'),
-  'something that is dragged': (fire) => fire('dragstart'),
-  'the menu bar, by Alt': (fire) => fire('keydown', { key: 'Alt', altKey: true, code: 'AltLeft' }),
-  'the menu bar, by F10': (fire) => fire('keydown', { key: 'F10', code: 'F10' }),
-  'what a Mac does with Meta': (fire) => fire('keydown', { key: 'Meta', metaKey: true, code: 'MetaLeft' }),
-  'a key that nobody has seen go down': (fire) => fire('keyup', { key: 'k', code: 'KeyK' }),
+  'a drag': (fire) => fire('dragstart'),
+  'the menu bar (Alt)': (fire) => fire('keydown', { key: 'Alt', altKey: true, code: 'AltLeft' }),
+  'the menu bar (F10)': (fire) => fire('keydown', { key: 'F10', code: 'F10' }),
+  'a shortcut of macOS (Meta)': (fire) => fire('keydown', { key: 'Meta', metaKey: true, code: 'MetaLeft' }),
+  'a key whose press was not seen': (fire) => fire('keyup', { key: 'k', code: 'KeyK' }),
 })) {
   for (const hasStick of [false, true]) {
-    test(`a key that comes up unseen, for ${what}, drives no further${hasStick ? ', nor proportionally' : ''}`, () => {
+    test(`a key whose release is lost to ${what} stops driving${hasStick ? ', nor proportionally' : ''}`, () => {
       const { fire, helm } = drivingPage({ hasStick });
       fire('keydown', { key: 'ArrowUp', code: 'ArrowUp' });
       assert.equal(helm.held, 'forward');
       come(fire);
       assert.equal(helm.held, null);
       fire('keydown', { key: 'ArrowUp', code: 'ArrowUp', repeat: true });
-      assert.equal(helm.held, null, 'though it repeats');
+      assert.equal(helm.held, null, 'its repeats do not count');
       fire('keyup', { key: 'ArrowUp', code: 'ArrowUp' });
     });
   }
 }
 
-test('a menu takes no direction from a finger, nor does a long press that opens none', () => {
+test('a menu releases no finger, and a long press that opens no menu releases nothing', () => {
   const { fire, helm } = drivingPage();
   helm.press('finger 1', 'forward');
   fire('contextmenu');
@@ -163,10 +163,10 @@ test('a menu takes no direction from a finger, nor does a long press that opens 
   helm.releaseAll();
   fire('keydown', { key: 'ArrowUp', code: 'ArrowUp' });
   fire('contextmenu', { defaultPrevented: true });
-  assert.equal(helm.held, 'forward', 'the pad’s own');
+  assert.equal(helm.held, 'forward', 'the pad has prevented its own menu');
 });
 
-test('a keyboard that does not always repeat is believed once it has told of a release after all', (context) => {
+test('a keyboard that does not always repeat is trusted once it has reported a release', (context) => {
   context.mock.timers.enable({ apis: ['setTimeout'] });
   let nowMs = 0;
   Object.defineProperty(globalThis, 'performance', { value: { now: () => nowMs }, configurable: true });
@@ -175,13 +175,13 @@ test('a keyboard that does not always repeat is believed once it has told of a r
   const up = { key: 'ArrowUp', code: 'ArrowUp' };
   const hold = (ms) => (fire('keydown', up), pass(500), fire('keydown', { ...up, repeat: true }), pass(ms), helm.held);
   assert.equal(hold(900), 'forward');
-  assert.equal(hold(1100), null, 'silent for twice its longest pause');
+  assert.equal(hold(1100), null, 'the key is silent for twice its longest pause');
   fire('keyup', up);
   assert.equal(hold(60_000), 'forward');
 });
 
 for (const hasStick of [false, true]) {
-  test(`the older key of a chord is let go of some time after the newest came up${hasStick ? ', with proportional steering, too' : ''}`, (context) => {
+  test(`the older key of a chord is released some time after the newest key came up${hasStick ? ', with proportional steering, too' : ''}`, (context) => {
     context.mock.timers.enable({ apis: ['setTimeout', 'setInterval'] });
     let nowMs = 0;
     Object.defineProperty(globalThis, 'performance', { value: { now: () => nowMs }, configurable: true });
@@ -191,7 +191,7 @@ for (const hasStick of [false, true]) {
     const tapLeft = () => (fire('keydown', left), pass(300), fire('keyup', left));
     fire('keydown', up);
     pass(60_000);
-    assert.ok(helm.held, 'a key by itself that does not repeat is believed');
+    assert.ok(helm.held, 'a single key that does not repeat is trusted');
     for (let i = 0; i < 9; i += 1) {
       tapLeft();
       pass(4500);
@@ -209,7 +209,7 @@ for (const hasStick of [false, true]) {
     fire('keydown', up);
     tapLeft();
     pass(60_000);
-    assert.equal(helm.held, 'forward', 'it was down the last time, so this hand is believed');
+    assert.equal(helm.held, 'forward', 'the key was really down the last time, so it is trusted now');
   });
 }
 
@@ -238,7 +238,7 @@ for (const [how, down, up] of [
   }
 }
 
-test('space stops a robot that may move, wherever the focus is, with whatever else is down, and once', () => {
+test('space stops a robot that may move once, whatever has the focus and whichever modifiers are down', () => {
   for (const mode of ['train', 'autonomous']) {
     for (const target of [new Place('button'), new Place('select'), new Place('input', 'text'), new Place('textarea'), new Place('input', 'range')]) {
       for (const [about, isLost] of [[{}, false], [{ ctrlKey: true }, false], [{ altKey: true }, false], [{ shiftKey: true }, false], [{ repeat: true }, false], [{}, true]]) {
@@ -249,8 +249,8 @@ test('space stops a robot that may move, wherever the focus is, with whatever el
         assert.equal(page.stops, 1, `${mode} ${target.tag} ${JSON.stringify(about)}`);
         page.follow('train');
         page.fire('keydown', { ...space, repeat: true });
-        assert.equal(page.stops, 1, 'it is held yet, and the robot was released');
-        assert.ok(page.fire('keyup', space).defaultPrevented, 'no button is pressed by it');
+        assert.equal(page.stops, 1, 'the key is still held, although the stop was released');
+        assert.ok(page.fire('keyup', space).defaultPrevented, 'the key presses no button');
         page.fire('keydown', space);
         assert.equal(page.stops, 2);
       }
@@ -258,7 +258,7 @@ test('space stops a robot that may move, wherever the focus is, with whatever el
   }
 });
 
-test('space presses the button that has the focus beside a robot that stands, and stops one that was just started', () => {
+test('space presses the focused button while the robot stands, and stops a robot that was just started', () => {
   const page = drivingPage({ mode: 'stopped' });
   const space = { key: ' ', code: 'Space', target: new Place('button') };
   assert.ok(!page.fire('keydown', space).defaultPrevented);
@@ -268,10 +268,10 @@ test('space presses the button that has the focus beside a robot that stands, an
   page.fire('keyup', space);
   assert.equal(page.stops, 1);
   page.fire('keydown', { ...space, target: page.body });
-  assert.equal(page.stops, 2, 'with no focus it always stops');
+  assert.equal(page.stops, 2, 'without a focus, space always stops');
 });
 
-test('a text field on another screen takes a space, and none of the keys that write nothing', () => {
+test('a text field on another screen gets the space, but not the stop keys that write nothing', () => {
   const page = drivingPage({ mode: 'autonomous' });
   page.isDriving = false;
   for (const target of [new Place('input', 'text'), new Place('textarea'), Object.assign(new Place('p'), { isContentEditable: true })]) {
@@ -284,7 +284,7 @@ test('a text field on another screen takes a space, and none of the keys that wr
   }
 });
 
-test('Escape closes what is open and stops otherwise', () => {
+test('Escape closes an open menu, and otherwise stops the robot', () => {
   const stops = [];
   const { fire } = makeWindow();
   let isOpen = true;
@@ -297,11 +297,11 @@ test('Escape closes what is open and stops otherwise', () => {
   assert.deepEqual(stops, ['stop']);
 });
 
-test('a remote control’s OK presses what has the focus', () => {
+test('the OK key of a remote control presses the focused button', () => {
   const { fire } = drivingPage({ mode: 'stopped' });
   const button = new Place('button');
   const press = (key, about = {}) => (fire('keydown', { key, ...about }), fire('keyup', { key, ...about }));
   for (const key of ['Select', 'OK', 'Accept']) press(key, { target: button });
   press('Enter', { target: button });
-  assert.equal(button.clicks, 3, 'Enter is the browser’s own');
+  assert.equal(button.clicks, 3, 'the browser itself handles Enter');
 });

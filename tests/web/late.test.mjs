@@ -1,8 +1,8 @@
-// What a screen shows is never older than what it has shown: answers come in any order.
+// A screen never replaces newer data by older data, in whatever order the answers arrive.
 import assert from 'node:assert/strict';
 import { beforeEach, mock, test } from 'node:test';
 
-/** As much of an element as these screens take. */
+/** The part of an element that these screens need. */
 class FakeElement {
   isConnected = true;
   children = [];
@@ -24,7 +24,7 @@ const soon = () => new Promise(setImmediate);
 let asked;
 
 beforeEach(() => {
-  mock.timers.enable({ apis: ['setTimeout'] }); // what is never answered here is waited for by nobody
+  mock.timers.enable({ apis: ['setTimeout'] }); // so that no timeout waits for requests that stay unanswered
   asked = [];
   globalThis.fetch = (path, { body }) => new Promise((answer, fail) => asked.push({
     path, words: body && JSON.parse(body), fail, answer: (said) => answer({ ok: true, json: async () => said }),
@@ -46,21 +46,21 @@ async function twice(ask, said) {
   await soon();
 }
 
-test('the gallery shows an edit, though an earlier look is answered after it', async () => {
+test('the gallery shows an edit, although an older answer arrives after it', async () => {
   const { GalleryScreen } = await load('gallery-screen', 'coaching');
   const gallery = Object.assign(new GalleryScreen(), { summary: {}, arrange() {}, renderDetail() {} });
   await twice(() => gallery.refresh(), (_, age) => ({ images: [age], moves: [], max_nodes: 9 }));
   assert.deepEqual(gallery.images, ['new']);
 });
 
-test('the models are those of the last answer but one that is late', async () => {
+test('the home screen ignores a late answer about the models', async () => {
   const { HomeScreen } = await load('home-screen', 'library');
   const home = Object.assign(new HomeScreen(), { draw() {} });
   await twice(() => home.refresh(), (_, age) => ({ models: [age] }));
   assert.deepEqual(home.known, ['new']);
 });
 
-test('the settings are as they were changed last', async () => {
+test('the settings screen ignores a late answer', async () => {
   const { SettingsScreen } = await load('settings-screen');
   let shown;
   const settings = Object.assign(new SettingsScreen(), { renderRobot: (one) => (shown = one) });
@@ -68,7 +68,7 @@ test('the settings are as they were changed last', async () => {
   assert.equal(shown, 'new');
 });
 
-test('what was chosen last is what the robot is asked for last, though an earlier change is answered late or refused', async () => {
+test('the last chosen setting is sent last, although an earlier change is answered late or refused', async () => {
   const { SettingsScreen } = await load('settings-screen');
   const settings = Object.assign(new SettingsScreen(), { renderRobot() {}, page: { toast() {} } });
   for (const max_nodes of [4, 8, 16]) settings.begin({ max_nodes });
@@ -83,7 +83,7 @@ test('what was chosen last is what the robot is asked for last, though an earlie
   assert.deepEqual(wishes().map(({ words }) => words.max_nodes), [4, 8, 16]);
 });
 
-test('what is forgotten is what was shown, though more was chosen and is not answered yet', async () => {
+test('undo takes back the time that is shown, although a longer time was chosen and is not answered yet', async () => {
   const { UndoScreen } = await load('undo-screen', 'coaching');
   const screen = Object.assign(new UndoScreen(), { summary: {}, strip: new FakeElement(), button: new FakeElement(), page: { toast() {} } });
   const show = (seconds) => Object.assign(screen, { seconds }).refresh();
@@ -100,18 +100,18 @@ test('what is forgotten is what was shown, though more was chosen and is not ans
   assert.deepEqual(asked.at(-1).words, { seconds: 30 });
 });
 
-test('a model that was dropped stays dropped, though a look at it is answered late', async () => {
+test('a dropped model stays dropped, although an answer about it arrives late', async () => {
   const { showTeaching } = await load('teach-again', 'recordings');
   const home = { again: new FakeElement(), isConnected: true };
   home.again.append('progress');
   showTeaching(home);
-  home.again.replaceChildren(); // *Drop* was answered
+  home.again.replaceChildren(); // the request of *Drop* was answered
   asked[0].answer({ state: 'failed', error: 'too late' });
   await soon();
   assert.deepEqual(home.again.children, []);
 });
 
-test('a training run is followed to its end, though an answer about it is lost', async () => {
+test('a training run is followed to its end, although one answer about it is lost', async () => {
   const { showTeaching } = await load('teach-again', 'recordings');
   const home = { again: Object.assign(new FakeElement(), { querySelector: () => ({}) }), isConnected: true };
   home.again.append('progress');
@@ -128,7 +128,7 @@ test('a training run is followed to its end, though an answer about it is lost',
   assert.deepEqual(home.again.children, []);
 });
 
-test('the study that was chosen last is shown, though another is answered after it', async () => {
+test('the study that was chosen last is shown, although the answer about another study arrives after it', async () => {
   const { StudyScreen } = await load('study-screen', 'study');
   const screen = Object.assign(new StudyScreen(), { body: new FakeElement(), trial: () => [], creation: () => null, study: ({ title }) => [title] });
   const list = async (name) => {
@@ -147,7 +147,7 @@ test('the study that was chosen last is shown, though another is answered after 
   assert.equal(screen.chosen, 'first');
 });
 
-test('a result that comes while something else is shown is not shown there', async () => {
+test('a result is not shown if the screen shows something else when it arrives', async () => {
   const { StudyScreen } = await load('study-screen', 'study');
   const screen = Object.assign(new StudyScreen(), { body: new FakeElement() });
   const conditions = { flatMap: () => ['a result'] };

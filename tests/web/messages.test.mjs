@@ -7,24 +7,24 @@ import { FOLDERS, wordsByFolder, wordsOf as read } from './words.mjs';
 
 const web = new URL('../../web/', import.meta.url);
 const english = await read('en');
-/** The languages that come with the page; others may be half done. */
+/** The languages that must be complete; others may be partly translated. */
 const WHOLE = ['en', 'es', 'zh'];
 const places = (sentence) => [...sentence.matchAll(/\{(\w+)\}/g)].map(([, name]) => name).sort();
 
-test('each language that can be chosen has a file, and each file can be chosen', () => {
+test('each language in the menu has a file, and each file is in the menu', () => {
   const [core, ...others] = FOLDERS.map((folder) => readdirSync(new URL(folder, web)).map((name) => name.replace('.js', '')));
   assert.deepEqual(core.sort(), Object.keys(LANGUAGES).sort());
-  // An extension may lack a language: there it speaks English.
+  // If an extension lacks a language, the page shows its English sentences.
   for (const files of others) assert.deepEqual(files.filter((code) => !core.includes(code)), []);
 });
 
-test('no sentence stands in two files', async () => {
+test('no key occurs in two files', async () => {
   const keys = (await wordsByFolder('en')).flatMap(Object.keys);
   assert.equal(new Set(keys).size, keys.length);
 });
 
 for (const code of Object.keys(LANGUAGES)) {
-  test(`${code} says nothing that English does not say, with the same places to fill`, async () => {
+  test(`${code} has only keys that English has, with the same placeholders`, async () => {
     const words = await read(code);
     for (const [key, sentence] of Object.entries(words)) {
       assert.ok(sentence.length, key);
@@ -33,7 +33,7 @@ for (const code of Object.keys(LANGUAGES)) {
   });
 }
 
-test('the languages that come with the page are whole', async () => {
+test('the languages that must be complete are complete', async () => {
   for (const code of WHOLE) assert.deepEqual(Object.keys(await read(code)).sort(), Object.keys(english).sort());
 });
 
@@ -43,38 +43,38 @@ const sources = (folder) => readdirSync(new URL(folder, web), { withFileTypes: t
 });
 const all = ['js/', 'board/', 'eye/'].flatMap(sources);
 
-test('every sentence that is asked for is there', () => {
+test('every sentence that the code uses exists', () => {
   const asked = all.flatMap((source) => [...source.matchAll(/\bt\('([\w.]+)'/g)].map(([, key]) => key));
   assert.ok(asked.length > 80);
   assert.deepEqual([...new Set(asked)].filter((key) => !(key in english)), []);
 });
 
-test('every sentence is used', () => {
+test('the code uses every sentence', () => {
   const text = all.join('\n');
   const stems = [...text.matchAll(/['`]((?:[a-z_]+\.)+(?:[a-z_]+_)?)\$\{/g)].map(([, stem]) => stem);
   assert.deepEqual(Object.keys(english).filter((key) => !text.includes(`'${key}'`) && !stems.some((stem) => key.startsWith(stem))), []);
 });
 
-test('the person chooses before the browser does, and English comes last', () => {
+test('the person’s choice has priority over the browser’s language, and English comes last', () => {
   assert.equal(pickLanguage(['es-MX', 'en'], null), 'es');
   assert.equal(pickLanguage(['es-MX', 'en'], 'zh'), 'zh');
   assert.equal(pickLanguage(['qaa', 'zh-Hant-TW'], null), 'zh');
   assert.equal(pickLanguage(['qaa'], 'xx'), 'en');
 });
 
-test('the name of a link begins with the words that are seen on it', async () => {
+test('the accessible name of a link begins with its visible text', async () => {
   for (const code of Object.keys(LANGUAGES)) {
     const { like, like_long: name } = { ...await read('en'), ...await read(code) };
     assert.equal(name.slice(0, like.length).toLowerCase(), like.toLowerCase(), code);
   }
 });
 
-test('no sentence says what is private to this project, or asks for a choice without saying which', async () => {
+test('no sentence contains a term that only this project uses, or asks for a choice without naming the options', async () => {
   const odd = /by itself|as if it had never been|begin anew|hand near|choose a mode|elige un modo|选择(一个)?模式/i;
   for (const code of Object.keys(LANGUAGES)) for (const [key, sentence] of Object.entries(await read(code))) assert.doesNotMatch(sentence, odd, `${code} ${key}`);
 });
 
-test('the document, and the page that pairs, speak each language by themselves', async () => {
+test('the document and the pairing page contain their own sentences in each language', async () => {
   const literal = (path, name) => {
     const [, text] = readFileSync(new URL(path, web), 'utf8').match(new RegExp(`${name} = (\\{\\n[^]*?\\n *\\});`)) ?? [];
     return new Function(`return ${text}`)();

@@ -14,7 +14,7 @@ test('the face shows what the robot is doing', () => {
   assert.equal(face({ mode: 'stopped', driven_by: 'nobody' }, { stage: 'ready' }), 'proud');
 });
 
-test('nothing is claimed before it was taught, without a link, or in a study', () => {
+test('the face claims nothing before the robot was taught, without a link, or in a study', () => {
   assert.equal(face({ lessons: 0 }, { stage: 'ready' }), 'listening');
   assert.equal(face({}, { stage: 'ready' }, 'lost'), 'listening');
   assert.equal(face({}, { stage: 'ready' }, 'open', { isOver: false }), 'listening');

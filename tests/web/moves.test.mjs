@@ -5,7 +5,7 @@ import { declare, inColumns } from '../../web/js/moves.js';
 
 const own = (name, steering) => ({ name, label: { en: name }, icon: '', does: '', steering, throttle: 0.5 });
 
-test('left is left and right is right, however many moves there are', () => {
+test('left moves are on the left and right moves on the right, however many moves there are', () => {
   for (let lefts = 0; lefts < 4; lefts++) {
     for (let rights = 0; rights < 4; rights++) {
       const moves = [
@@ -23,7 +23,7 @@ test('left is left and right is right, however many moves there are', () => {
         assert.equal(right, left + 1);
         assert.ok(top >= 1 && end > top && end <= rows + 1);
         for (let row = top; row < end; row++) {
-          assert.ok(!taken.has(`${row} ${left}`), 'no place is taken twice');
+          assert.ok(!taken.has(`${row} ${left}`), 'no cell has two moves');
           taken.add(`${row} ${left}`);
         }
       }
@@ -31,7 +31,7 @@ test('left is left and right is right, however many moves there are', () => {
   }
 });
 
-test('classic moves have their sides; a move of unknown steering has none', () => {
+test('the classic moves have sides; a move with unknown steering has none', () => {
   declare([own('coast', 0), { ...own('fire', null), throttle: null }]);
   const { rows, areas } = inColumns(['left', 'forward', 'coast', 'backward', 'right']);
   assert.equal(rows, 3);

@@ -11,10 +11,10 @@ import { wordsOf } from './words.mjs';
 
 const MOVES = ['forward', 'left', 'right', 'backward'];
 const FRAME_MS = 16;
-/** How many generated pads; more by hand. */
+/** Number of generated pads. */
 const PADS = Number(process.env.DRIVELESSON_PADS ?? (process.env.DRIVELESSON_FULL ? 500 : 100));
 
-/** A page in Teach whose pilot has the wheel; `look` is the browser's next frame. */
+/** A page in Teach whose pilot has the wheel; `look` runs the browser's next frame. */
 function drivingPage(takesPoints = false) {
   declare(MOVES.map((name, i) => ({ name, label: {}, icon: '', does: '', steering: [0, -1, 1, 0][i], throttle: i === 3 ? -0.5 : 0.5 })));
   const helm = new Helm({ send: () => true, nextSeq: () => 1 }, () => ({ frame: 1 }));
@@ -47,7 +47,7 @@ function drivingPage(takesPoints = false) {
 
 const makePad = (about = {}) => ({ index: 0, id: 'Pad (STANDARD GAMEPAD Vendor: 054c Product: 09cc)', connected: true, mapping: 'standard', axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })), ...about });
 
-/** Numbers that are the same on each run. @param {number} seed */
+/** Random numbers that are the same in each run. @param {number} seed */
 function lottery(seed) {
   let at = seed;
   return () => ((at = (Math.imul(at ^ (at >>> 15), 2246822519) + 374761393) >>> 0) / 2 ** 32);
@@ -62,7 +62,7 @@ for (const [what, axes, mapping] of [['a worn stick', [0.65, 0], 'standard'], ['
   });
 }
 
-test('no generated pad drives that no hand has touched, and each that has rested does', () => {
+test('no generated pad drives before a hand has touched it, and each pad that has rested drives', () => {
   let driven = 0;
   for (let n = 1; n <= PADS; n += 1) {
     const draw = lottery(n);
@@ -107,7 +107,7 @@ test('a released stick stops the robot while the browser draws no frames', () =>
   assert.equal(page.look(), null);
 });
 
-test('a cross that woke its pad drives at its next press', () => {
+test('a press of the cross that only woke the pad does not drive; the next press does', () => {
   const page = drivingPage();
   const pad = makePad();
   page.look();
@@ -120,14 +120,14 @@ test('a cross that woke its pad drives at its next press', () => {
   assert.equal(page.look(), 'left');
 });
 
-test('a stick that is off its middle from the start is told, once', () => {
+test('the page says once that a stick is off its middle from the start', () => {
   const page = drivingPage();
   page.pads = [makePad({ axes: [0.65, 0] })];
   page.look(3 * (UNRESTED_MS / FRAME_MS));
   assert.deepEqual(page.said, [['pad.unrested', 'Pad']]);
 });
 
-test('a pad of an unknown layout is shown its directions, which are remembered by its name', () => {
+test('a person shows the page the directions of an unknown pad, which are stored under the pad’s name', () => {
   const page = drivingPage();
   const wheel = makePad({ id: '046d-c24f-Wheel', mapping: '', axes: [0, 0, 0], buttons: [{ pressed: false, value: 0 }] });
   page.pads = [wheel];
@@ -138,24 +138,24 @@ test('a pad of an unknown layout is shown its directions, which are remembered b
     wheel.axes[axis] = rest;
     page.look(40);
   };
-  wheel.axes[1] = -1; // its first report: a clutch
+  wheel.axes[1] = -1; // the first report of the clutch
   page.look();
   assert.equal(page.helm.held, null);
   wheel.axes[0] = -1;
   page.look();
   page.offered();
   page.look(9);
-  assert.equal(page.asked, 'rest', 'it is held yet');
+  assert.equal(page.asked, 'rest', 'the stick is still held');
   wheel.axes[0] = 0;
   page.look(LET_GO_MS / FRAME_MS + 2);
   assert.equal(page.asked, 'left');
   push(0, -1, 0);
   assert.equal(page.asked, 'right');
   push(0, -1, 0);
-  assert.equal(page.asked, 'right', 'that way is left already');
+  assert.equal(page.asked, 'right', 'this direction is already used for left');
   push(0, 1, 0);
   assert.equal(page.asked, 'forward');
-  push(2, 1, -1); // a pedal that said 0 before it was first pressed
+  push(2, 1, -1); // a pedal that reported 0 before its first press
   assert.equal(page.asked, 'backward');
   page.skip();
   assert.equal(page.asked, undefined);
@@ -166,7 +166,7 @@ test('a pad of an unknown layout is shown its directions, which are remembered b
   assert.equal(page.look(), null);
   const again = drivingPage();
   again.choices = page.choices;
-  again.pads = [{ ...wheel, axes: [0, -1, 0] }]; // another day, before its first report
+  again.pads = [{ ...wheel, axes: [0, -1, 0] }]; // on another day, before the pedal's first report
   assert.equal(again.look(9), null);
   again.pads[0].axes[2] = -1;
   again.look();
@@ -175,7 +175,7 @@ test('a pad of an unknown layout is shown its directions, which are remembered b
 });
 
 for (const rest of [9 / 7, 23 / 7]) {
-  test(`a cross that the browser reports as one axis drives all its ways, at rest at ${rest.toFixed(1)}`, () => {
+  test(`a cross that the browser reports as one axis, with ${rest.toFixed(1)} at rest, drives in all directions`, () => {
     const page = drivingPage();
     const pad = makePad({ id: '0079-0006-Arcade', mapping: '', axes: [0, 0, rest], buttons: [] });
     const way = (/** @type {number} */ number) => (2 * number) / 7 - 1; // clockwise from ahead
@@ -194,16 +194,16 @@ for (const rest of [9 / 7, 23 / 7]) {
     for (const [asked, number] of [['left', 6], ['right', 2], ['forward', 0], ['backward', 4]]) {
       assert.equal(page.asked, asked);
       press(number);
-      if (number === 6) press(6); // the same way once more is not another direction
+      if (number === 6) press(6); // the same direction again does not count as the next one
     }
     assert.equal(page.asked, undefined);
     for (const [move, number] of [['left', 6], ['right', 2], ['forward', 0], ['backward', 4]]) assert.equal(press(number), move);
     assert.equal(page.look(), null);
-    assert.ok(['forward', 'right'].includes(press(1)), 'between two ways it drives one of them');
+    assert.ok(['forward', 'right'].includes(press(1)), 'between two directions, the cross drives one of them');
   });
 }
 
-test('of two pads the one that was touched last drives, and the page says so', () => {
+test('the pad that was touched last drives, and the page says so', () => {
   const page = drivingPage();
   const [one, two] = [makePad({ id: 'One' }), makePad({ id: 'Two', index: 1 })];
   page.pads = [one, two];
@@ -213,7 +213,7 @@ test('of two pads the one that was touched last drives, and the page says so', (
   two.axes = [1, 0];
   assert.equal(page.look(), 'right');
   one.axes = [-1, 0];
-  assert.equal(page.look(), 'right', 'the first must come back to its rest');
+  assert.equal(page.look(), 'right', 'the first pad must return to rest');
   two.axes = [0, 0];
   assert.equal(page.look(), null);
   one.axes = [0, 0];
@@ -223,13 +223,13 @@ test('of two pads the one that was touched last drives, and the page says so', (
   assert.deepEqual(page.said.map(([key, name]) => `${key} ${name}`), ['pad.used One', 'pad.used Two', 'pad.used One']);
 });
 
-test('a pad is named as people know it', () => {
+test('a pad is shown by its usual name', () => {
   assert.equal(padName('Xbox Wireless Controller (STANDARD GAMEPAD Vendor: 045e Product: 02e0)'), 'Xbox Wireless Controller');
   assert.equal(padName('054c-09cc-Wireless Controller'), 'Wireless Controller');
   assert.equal(padName('(Vendor: 1234 Product: 5678)'), 'Gamepad');
 });
 
-test('the page offers to be shown an unknown pad, asks for one direction after the other, and remembers them', async () => {
+test('the page offers to learn an unknown pad, asks for one direction after the other, and stores them', async () => {
   learn(await wordsOf('en'));
   const [kept, said] = [new Map(), []];
   const preferences = { padOf: (id) => kept.get(id) ?? null, choosePad: (id, choice) => kept.set(id, choice) };
@@ -241,13 +241,13 @@ test('the page offers to be shown an unknown pad, asks for one direction after t
   assert.deepEqual(said[0].step, { label: 'Show its directions', act: begin });
   store.state.toast = said[0];
   desk.offer('Old Wheel', begin);
-  assert.equal(said.length, 1, 'it is offered once, and covers nothing else that is said');
+  assert.equal(said.length, 1, 'the offer is made once, and covers no other message');
   for (const direction of ['rest', 'left', null]) desk.ask('Old Wheel', direction, skip);
   const [rest, push, ready] = said.slice(1);
   assert.match(rest.text, /Let go of Old Wheel/);
   assert.match(push.text, /Old Wheel: push “Left”/);
   assert.deepEqual(push.step, { label: 'No such direction', act: skip });
-  assert.deepEqual([rest.ms, push.ms], [Infinity, Infinity], 'they stay until they are answered');
+  assert.deepEqual([rest.ms, push.ms], [Infinity, Infinity], 'the questions stay until they are answered');
   assert.match(ready.text, /Old Wheel is ready/);
   desk.keep('wheel', { left: 1 });
   assert.deepEqual(desk.choiceOf('wheel'), { left: 1 });

@@ -22,7 +22,7 @@ const OK = { ok: true, json: async () => ({}) };
 let page;
 let said;
 let asked;
-/** What becomes of a request; never anything of one that is not answered. */
+/** The answer to a request; it never settles if there is none. */
 let answer;
 
 beforeEach(() => {
@@ -62,7 +62,7 @@ const lose = () => {
   page.connection.isOpen = false;
   page.connection.dispatchEvent(new Event('lost'));
 };
-/** Let time pass, and what waits for it go on. */
+/** Let time pass, and let pending code run. */
 async function pass(ms) {
   for (let gone = 0; gone <= ms; gone += 100) {
     if (gone) mock.timers.tick(100);
@@ -70,7 +70,7 @@ async function pass(ms) {
   }
 }
 
-test('a STOP that is obeyed at once is not asked for a second time', async () => {
+test('a STOP that is obeyed at once is not requested again', async () => {
   page.stop();
   await pass(100);
   follow({ emergency: true });
@@ -83,7 +83,7 @@ for (const [what, become] of Object.entries({
   'are not answered': () => new Promise(() => {}),
   'do not get past a proxy': async () => ({ ok: false, status: 502, json: async () => ({}) }),
 })) {
-  test(`a STOP without a link is asked for until the robot is there, though requests ${what}`, async () => {
+  test(`a STOP without a link is requested until the robot is back, although requests ${what}`, async () => {
     lose();
     answer = become;
     page.stop();
@@ -92,13 +92,13 @@ for (const [what, become] of Object.entries({
     assert.ok(before >= 2, `${before} requests`);
     answer = async () => OK;
     await pass(4000);
-    assert.ok(asked.length > before, 'the robot is there, and hears it');
+    assert.ok(asked.length > before, 'the robot is back, and gets the STOP');
     const heard = asked.length;
     await pass(10_000);
-    assert.equal(asked.length, heard, 'and then it is enough');
+    assert.equal(asked.length, heard, 'no request follows');
   });
 
-  test(`a STOP that a state shows is not asked for again, and can be released, though requests ${what}`, async () => {
+  test(`a STOP that a state shows is not requested again, and can be released, although requests ${what}`, async () => {
     lose();
     answer = become;
     page.stop();
@@ -113,7 +113,7 @@ for (const [what, become] of Object.entries({
 }
 
 for (const [what, own, named] of [['a request of its own', 42, 42], ['another person', 43, 41]]) {
-  test(`a release names the STOP that was shown, also if ${what} has stopped the robot since`, async () => {
+  test(`a release names the STOP that was shown, even if ${what} has stopped the robot since`, async () => {
     speak(en);
     lose();
     let reach;
@@ -130,7 +130,7 @@ for (const [what, own, named] of [['a request of its own', 42, 42], ['another pe
   });
 }
 
-test('a start that was tapped before a STOP is not repeated, though no state showed that STOP', () => {
+test('a start that was tapped before a STOP is not repeated, although no state showed the STOP', () => {
   page.choose('train');
   follow({ stop_number: 42 });
   page.hearers.error({ type: 'error', code: 'stale', message: '', seq: page.connection.seq });
@@ -138,7 +138,7 @@ test('a start that was tapped before a STOP is not repeated, though no state sho
   assert.deepEqual(words(), ['train']);
 });
 
-test('a STOP by who may not is asked for once', async () => {
+test('a STOP by a client that has no right to it is requested only once', async () => {
   lose();
   answer = async () => ({ ok: false, status: 401, json: async () => ({}) });
   page.stop();
@@ -153,7 +153,7 @@ for (const [what, come] of Object.entries({
     page.connection.isOpen = true;
   },
 })) {
-  test(`${what} that comes while a release waits goes before it`, async () => {
+  test(`${what} cancels a waiting release`, async () => {
     lose();
     answer = () => new Promise(() => {});
     page.stop();
@@ -161,7 +161,7 @@ for (const [what, come] of Object.entries({
     follow({ emergency: true });
     page.release();
     await pass(500);
-    assert.deepEqual(words(), [], 'the request is still under way');
+    assert.deepEqual(words(), [], 'the request is still pending');
     come();
     follow({ emergency: true });
     await pass(10_000);
@@ -173,7 +173,7 @@ for (const [what, come] of Object.entries({
 }
 
 for (const [what, sight] of Object.entries({ 'is under way': 12, 'waits for a picture': null })) {
-  test(`a start that ${what} when the page goes out of sight is none`, () => {
+  test(`a start that ${what} is dropped when the page is hidden`, () => {
     if (!sight) page.looking = null;
     page.choose('autonomous');
     document.hidden = true;
@@ -186,28 +186,28 @@ for (const [what, sight] of Object.entries({ 'is under way': 12, 'waits for a pi
   });
 }
 
-test('that somebody asks for the wheel is shown to its pilot as long as it is so', () => {
+test('the pilot sees a request for the wheel as long as it exists', () => {
   const shown = (changes) => (follow(changes), page.store.state.wheelAsked);
   page.note({ name: 'wheel_asked' });
   assert.equal(shown({ wheel_asked: true }), true);
   page.take('yield');
-  assert.equal(shown({ wheel_asked: true, you_are_pilot: false }), false, 'another pilot is asked now');
-  assert.equal(shown({ wheel_asked: true }), true, 'and who gets the wheel while others wait');
-  assert.equal(shown({ wheel_asked: false }), false, 'who asked has left');
+  assert.equal(shown({ wheel_asked: true, you_are_pilot: false }), false, 'the request now concerns another pilot');
+  assert.equal(shown({ wheel_asked: true }), true, 'a new pilot sees the requests of others');
+  assert.equal(shown({ wheel_asked: false }), false, 'the client that asked has left');
 });
 
-test('a session stands where it was told last, though an earlier question is answered after that', async () => {
+test('the page shows the newest step of a session, although an older answer arrives later', async () => {
   const answers = [];
   globalThis.fetch = () => new Promise((answer) => answers.push((step) => answer({ ok: true, json: async () => ({ session: { step } }) })));
   refreshSession(page);
-  learnSession(page, Promise.resolve({ session: { step: 'drive' } })); // what a tap came to
+  learnSession(page, Promise.resolve({ session: { step: 'drive' } })); // the result of a tap
   await pass(0);
   answers[0]('consent');
   await pass(0);
   assert.equal(page.store.state.lead.own.step, 'drive');
 });
 
-test('a STOP that has not come through is the first word on the next link, until the robot shows it', async () => {
+test('a STOP that was lost is the first message on the next link, until the robot shows it', async () => {
   const hello = { type: 'hello', role: 'pilot', robot: 'Ada', moves: [] };
   page.greet(hello);
   assert.deepEqual(words(), [], 'nobody has pressed it');
@@ -219,10 +219,10 @@ test('a STOP that has not come through is the first word on the next link, until
   assert.deepEqual(words(), ['stop']);
   follow({ emergency: true });
   page.greet(hello);
-  assert.deepEqual(words(), ['stop'], 'who releases it is not stopped again');
+  assert.deepEqual(words(), ['stop'], 'a released robot is not stopped again');
 });
 
-test('a body or camera that was lost is named when it is back, and another fault names neither', () => {
+test('a lost body or camera is named when it is back; other faults name neither', () => {
   speak(en);
   const toasts = [];
   page.toast = (text) => toasts.push(text);
@@ -239,7 +239,7 @@ test('a body or camera that was lost is named when it is back, and another fault
   assert.deepEqual(toasts, ["Now connected to 'Ben' (00:16:54). Before, it was 'Anna' (00:16:53)."]);
 });
 
-test('the first visit shows three hints, each once; a hint beside which the robot moves makes room by itself', async () => {
+test('the first visit shows three hints, each once; a hint disappears by itself while the robot moves', async () => {
   Object.assign(page.preferences, { hintsShown: [], set(name, value) { this[name] = value; } });
   const seen = [];
   const meet = (state) => {

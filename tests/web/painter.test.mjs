@@ -27,10 +27,10 @@ function slowPainter() {
   return { painter, drawn, acknowledged, decoding, take };
 }
 
-test('what comes while a picture is drawn takes the place of what waits', async () => {
+test('a picture that arrives while another is drawn replaces the waiting one', async () => {
   const { painter, drawn, acknowledged, decoding, take } = slowPainter();
   for (const frame of [1, 2, 3, 4]) take(frame);
-  assert.equal(decoding.length, 1, 'one at a time');
+  assert.equal(decoding.length, 1, 'one picture is decoded at a time');
   decoding[0].done();
   await settle();
   decoding[1].done();
@@ -40,20 +40,20 @@ test('what comes while a picture is drawn takes the place of what waits', async 
   assert.equal(painter.dropped, 2);
 });
 
-test('a dropped picture that asked for an answer gets it with the next that is drawn', async () => {
+test('the next drawn picture also acknowledges a dropped picture', async () => {
   const { acknowledged, decoding, take } = slowPainter();
   take(1, true);
   take(2, false);
   take(3, true);
   decoding[0].done();
   await settle();
-  assert.deepEqual(acknowledged, [], 'the first was quiet');
+  assert.deepEqual(acknowledged, [], 'the first picture wants no acknowledgement');
   decoding[1].done();
   await settle();
-  assert.deepEqual(acknowledged, [3], 'it stands for the second too');
+  assert.deepEqual(acknowledged, [3], 'the third also acknowledges the second');
 });
 
-test('a broken picture is acknowledged, and the next is drawn', async () => {
+test('a damaged picture is acknowledged, and the next one is drawn', async () => {
   const { drawn, acknowledged, decoding, take } = slowPainter();
   take(1);
   decoding[0].fail(new Error('no picture'));
@@ -65,7 +65,7 @@ test('a broken picture is acknowledged, and the next is drawn', async () => {
   assert.deepEqual(acknowledged, [1, 2]);
 });
 
-test('whatever the order of quiet and loud, no answer is owed in the end', async () => {
+test('each picture that wants an acknowledgement gets it in the end, in any order', async () => {
   for (let seed = 1; seed < 200; seed += 1) {
     const { acknowledged, decoding, take } = slowPainter();
     let dice = seed;

@@ -2,7 +2,7 @@ import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 
-test('an address with another token is redeemed on a page that is open already, whose sentences do not change', async () => {
+test('an open pairing page redeems a new token from its address, and its sentences do not change', async () => {
   const html = readFileSync(new URL('../../web/pair/index.html', import.meta.url), 'utf8');
   const written = [...html.matchAll(/data-say="(\w+)">([^<]+)</g)].map(([, key, words]) => ({ key, words }));
   const shown = written.map(({ key }) => ({ getAttribute: () => key, textContent: '' }));
@@ -23,12 +23,12 @@ test('an address with another token is redeemed on a page that is open already, 
   });
   if (!('navigator' in globalThis)) globalThis.navigator = { languages: ['en'] };
   await import('../../web/pair/pair.js');
-  assert.deepEqual(sent, [], 'nothing was behind the #');
+  assert.deepEqual(sent, [], 'there was no token after the #');
   assert.deepEqual(shown.map(({ textContent }) => textContent), written.map(({ words }) => words));
   for (const token of ['AAAA', 'BBBB']) {
     globalThis.location.hash = `#${token}`;
     heard.hashchange();
   }
   assert.deepEqual(sent, ['AAAA', 'BBBB']);
-  assert.equal(globalThis.location.hash, '', 'it stays in no history');
+  assert.equal(globalThis.location.hash, '', 'the token is removed from the history');
 });

@@ -22,7 +22,7 @@ for (const [body, { moves, points }] of Object.entries(bodies)) {
   });
 }
 
-test('a stick is smooth, mirrored, never beyond the robot, and rests in its middle', () => {
+test('a stick is symmetric, stays within the robot’s limits, and rests in its middle', () => {
   for (let i = -20; i <= 20; i += 1) {
     for (let j = -20; j <= 20; j += 1) {
       const [x, y] = [i / 15, j / 15];
@@ -31,8 +31,8 @@ test('a stick is smooth, mirrored, never beyond the robot, and rests in its midd
       if (!point) continue;
       assert.ok(Math.abs(point.steering) <= 1 && Math.abs(point.throttle) <= 0.5);
       assert.equal(fromStick(-x, y, reach).steering + point.steering, 0);
-      assert.ok(point.steering * x >= 0, 'to the side to which it is pushed');
-      assert.ok(y <= 0 || point.throttle >= 0, 'ahead is ahead');
+      assert.ok(point.steering * x >= 0, 'the robot steers to the pushed side');
+      assert.ok(y <= 0 || point.throttle >= 0, 'a push ahead never drives backward');
     }
   }
   assert.deepEqual(fromStick(0, 1, reach), { steering: 0, throttle: 0.5 });
@@ -40,18 +40,18 @@ test('a stick is smooth, mirrored, never beyond the robot, and rests in its midd
   assert.deepEqual(fromStick(0, -1, reach), { steering: 0, throttle: -0.5 });
 });
 
-test('where there is no reverse, a stick that is pulled back rests', () => {
+test('without a reverse, a stick that is pulled back counts as resting', () => {
   assert.equal(fromStick(0.1, -1, { ahead: 0.5, back: 0 }), null);
-  assert.equal(fromStick(1, -0.1, { ahead: 0.5, back: 0 }).throttle, 0.5, 'a thumb at one side slips a little');
+  assert.equal(fromStick(1, -0.1, { ahead: 0.5, back: 0 }).throttle, 0.5, 'a thumb at the side may slip a little');
 });
 
-test('degrees are no faster than the moves', () => {
+test('proportional steering is not faster than the moves', () => {
   learn(bodies.car.moves);
   assert.deepEqual(reachOf(bodies.car.moves.map(({ name }) => name)), { ahead: 1, back: 0.4 });
   assert.deepEqual(reachOf(['hard_left', 'ahead']), { ahead: 0.5, back: 0 });
 });
 
-test('a pulled trigger is the throttle, and the stick steers beside it', () => {
+test('while a trigger is pulled, it is the throttle, and the stick only steers', () => {
   const pad = (x, y, ahead = 0, back = 0) =>
     ({ axes: [x, y], buttons: Array.from({ length: 17 }, (_, i) => ({ pressed: false, value: { 7: ahead, 6: back }[i] ?? 0 })) });
   assert.equal(readStick(pad(0.1, 0.05), reach), null);
@@ -63,7 +63,7 @@ test('a pulled trigger is the throttle, and the stick steers beside it', () => {
   assert.ok(half.steering > 0.3 && half.steering < 0.5 && half.throttle > 0.2 && half.throttle < 0.25);
 });
 
-test('a phone that leans is a stick that is pushed, however it is held', () => {
+test('tilting a phone works like pushing a stick, however the phone is held', () => {
   const zero = { beta: 40, gamma: 2 };
   const lean = (beta, gamma, angle) => readTiltStick({ beta: 40 + beta, gamma: 2 + gamma }, zero, angle, reach);
   assert.equal(lean(2, 2, 0), null);
@@ -72,7 +72,7 @@ test('a phone that leans is a stick that is pushed, however it is held', () => {
   assert.ok(lean(-20, 6, 0).steering > 0 && lean(-20, 6, 0).steering < 0.3);
 });
 
-test('keys steer further the longer they are held, and come back', (context) => {
+test('keys steer further the longer they are held, and steer back when they are released', (context) => {
   context.mock.timers.enable({ apis: ['setInterval'] });
   const said = [];
   const holds = new Map();
@@ -82,7 +82,7 @@ test('keys steer further the longer they are held, and come back', (context) => 
   };
   const ramp = new KeyRamp(helm);
   ramp.press('ArrowUp', 'forward');
-  assert.deepEqual(said, [{ steering: 0, throttle: 0.5 }], 'it drives at once');
+  assert.deepEqual(said, [{ steering: 0, throttle: 0.5 }], 'the throttle acts at once');
   ramp.press('ArrowLeft', 'left');
   context.mock.timers.tick(200);
   const soon = said.at(-1).steering;
@@ -96,11 +96,11 @@ test('keys steer further the longer they are held, and come back', (context) => 
   assert.equal(said.at(-1), null);
   const count = said.length;
   context.mock.timers.tick(1000);
-  assert.equal(said.length, count, 'no key, no word');
+  assert.equal(said.length, count, 'without a key nothing is sent');
   ramp.press('ArrowUp', 'forward');
-  holds.clear(); // a stop lets go of everything
+  holds.clear(); // a stop releases everything
   context.mock.timers.tick(1000);
-  assert.equal(said.length, count + 1, 'a key that is still down says nothing any more');
+  assert.equal(said.length, count + 1, 'a key that is still down sends nothing more');
   ramp.press('ArrowLeft', 'left');
-  assert.deepEqual(said.at(-1), { steering: -0.08, throttle: 0.5 }, 'and counts for nothing beside a new one');
+  assert.deepEqual(said.at(-1), { steering: -0.08, throttle: 0.5 }, 'the old key does not count beside a new one');
 });

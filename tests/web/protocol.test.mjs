@@ -1,4 +1,4 @@
-// The page's side of the wire passes the same messages as the server's (tests/vectors/wire.json).
+// The page's codec is tested with the same messages as the server's (tests/vectors/wire.json).
 
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
@@ -61,7 +61,7 @@ for (const word of vectors.down ?? []) {
   test(`down: ${word.type}`, () => assert.deepEqual(protocol.parseWords(JSON.stringify(word)), word));
 }
 
-test('what is no message is refused', () => {
+test('anything that is not a message is refused', () => {
   for (const text of ['', 'state', '[]', 'null', '{}', '{"type": 3}']) {
     assert.throws(() => protocol.parseWords(text), refuses('malformed'));
   }

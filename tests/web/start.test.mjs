@@ -21,29 +21,29 @@ beforeEach(() => {
   start.addEventListener('failed', () => (failures += 1));
 });
 
-/** A picture comes, some time later. */
+/** Show a picture, some time later. */
 function see(frame, nonce, laterMs = 33) {
   nowMs += laterMs;
   sight = { frame, nonce };
   start.go();
 }
 
-test('a start is asked for at once where it can be proven', () => {
+test('a start is sent at once if a picture is shown', () => {
   start.ask('train');
   assert.deepEqual(said, [{ type: 'mode', mode: 'train', seq: 1, frame: 12, nonce: 7 }]);
 });
 
-test('without a picture it waits for the first one', () => {
+test('without a picture, a start waits for the first one', () => {
   sight = { frame: null, nonce: null };
   start.ask('train');
   assert.deepEqual(said, []);
   see(13, 8);
   see(14, 9);
-  assert.deepEqual(said.map((word) => word.frame), [13], 'asked once');
+  assert.deepEqual(said.map((word) => word.frame), [13], 'the start is sent once');
 });
 
 for (const code of ['stale', 'no_picture', 'unknown_frame']) {
-  test(`refused as ${code}, it is asked again with the next proof, never with the same`, () => {
+  test(`a start that is refused as ${code} is sent again with the next picture, never with the same`, () => {
     start.ask('autonomous');
     start.refuse({ code, seq: 1 });
     start.go();
@@ -52,11 +52,11 @@ for (const code of ['stale', 'no_picture', 'unknown_frame']) {
     assert.deepEqual(said[1], { type: 'mode', mode: 'autonomous', seq: 2, frame: 13, nonce: 8 });
     start.follow({ ...STOPPED, mode: 'autonomous' });
     see(14, 9);
-    assert.equal(said.length, 2, 'the robot is in it');
+    assert.equal(said.length, 2, 'the robot is already in the mode');
   });
 }
 
-test('a tap that has grown old starts nothing, and the person is told', () => {
+test('an old tap starts nothing, and the page says so', () => {
   start.ask('train');
   start.refuse({ code: 'stale', seq: 1 });
   see(13, 8, YOUNG_MS + 1);
@@ -66,13 +66,13 @@ test('a tap that has grown old starts nothing, and the person is told', () => {
   assert.deepEqual([said.length, failures], [1, 1]);
 });
 
-test('what was asked and not answered is not asked again', () => {
+test('a start without an answer is not repeated', () => {
   start.ask('train');
   for (let frame = 13; frame < 60; frame += 1) see(frame, frame);
   assert.deepEqual([said.length, failures], [1, 0]);
 });
 
-test('refused for anything else, or another message, it is not asked again', () => {
+test('a start is not repeated after another error, or if the error belongs to another message', () => {
   start.ask('train');
   start.refuse({ code: 'stale' });
   start.refuse({ code: 'stale', seq: 99 });
@@ -89,7 +89,7 @@ const BETWEEN = {
   'another pilot': () => start.follow({ ...STOPPED, you_are_pilot: false }),
 };
 for (const [what, happens] of Object.entries(BETWEEN)) {
-  test(`${what} ends what was asked before`, () => {
+  test(`${what} cancels the start before it`, () => {
     start.ask('train');
     start.refuse({ code: 'stale', seq: 1 });
     happens();

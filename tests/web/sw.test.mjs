@@ -5,7 +5,7 @@ import { test } from 'node:test';
 const SOURCE = readFileSync(new URL('../../web/sw.js', import.meta.url), 'utf8');
 const HOME = 'https://robot/room/';
 
-/** Ask the service worker for a file, with a storage and a robot; `later` is what it does besides. */
+/** Request a file from the service worker, with a storage and a robot; `later` gets its background work. */
 function ask(file, storage, robot, later = []) {
   const listeners = {};
   const self = { addEventListener: (type, act) => (listeners[type] = act) };
@@ -28,24 +28,24 @@ const FILES = ['', 'js/0123456789-main.js', 'icons/plate.svg'];
 const robot = async ({ url }) => new Response(`the robot's ${url}`);
 
 for (const [what, storage] of Object.entries(STORAGES)) {
-  test(`the page comes from a robot that is there, though the phone's storage ${what}`, async () => {
+  test(`the page comes from the robot if it is there, although the phone's storage ${what}`, async () => {
     for (const file of FILES) assert.equal(await (await ask(file, storage, robot)).text(), `the robot's ${HOME}${file}`);
   });
 }
 
-test('a page that was kept opens without the robot', async () => {
+test('a stored page opens without the robot', async () => {
   const storage = { open: async () => ({ ...holding(new Response('kept')), put: fails }) };
   assert.equal(await (await ask('', storage, fails)).text(), 'kept');
 });
 
-/** A phone that has kept the page of before, and a robot with a newer one. */
+/** A phone that has stored the old page, and a robot with a newer one. */
 function updated(partComes) {
   const page = (etag) => new Response(`page ${etag}`, { headers: { etag } });
   const files = new Map([[HOME, page('old')]]);
   const kept = {
     match: async ({ url }) => files.get(url)?.clone(), put: async ({ url }, answer) => void files.set(url, answer), keys: async () => [],
     delete: async () => {}, addAll: async (names) => {
-      if (!partComes()) throw new TypeError('a part did not come'); // and then none is kept
+      if (!partComes()) throw new TypeError('a part did not come'); // and then no part is stored
       for (const name of names) files.set(new URL(name, HOME).href, name === './' ? page('new') : new Response(name));
     },
   };
@@ -53,7 +53,7 @@ function updated(partComes) {
   return { files, robot, storage: { open: async () => kept } };
 }
 
-test('a newer page is kept with all its parts, or not at all', async () => {
+test('a newer page is stored with all its parts, or not at all', async () => {
   let comes = false;
   const { files, robot, storage } = updated(() => comes);
   for (const age of ['old', 'new']) {
@@ -66,7 +66,7 @@ test('a newer page is kept with all its parts, or not at all', async () => {
   assert.ok(files.has(`${HOME}js/0123456789-new.js`));
 });
 
-test('a newer page that comes too late for a visit is kept for the next', async (t) => {
+test('a newer page that arrives too late for a visit is stored for the next', async (t) => {
   t.mock.timers.enable({ apis: ['setTimeout'] });
   const { files, robot, storage } = updated(() => true);
   let answer;
@@ -78,7 +78,7 @@ test('a newer page that comes too late for a visit is kept for the next', async 
     t.mock.timers.tick(100);
   }
   assert.equal(await (await shown).text(), 'page old');
-  assert.equal(later.length, 1, 'or the browser ends the worker before the robot has answered');
+  assert.equal(later.length, 1, 'the browser must not end the worker before the robot has answered');
   answer(await robot(''));
   await later[0];
   await Promise.all(later);

@@ -7,7 +7,7 @@ import { leadOf } from '../../web/js/study/session.js';
 Object.assign(globalThis, { HTMLElement: class {}, customElements: { define() {} } });
 const { TeachPanel } = await import('../../web/js/components/teach-panel.js');
 
-test('advice is read out; a clock that goes on in it is not, each second', () => {
+test('a screen reader reads advice aloud, but not each second of a clock within it', () => {
   const attributes = { };
   const advice = { textContent: '', getAttribute: (name) => attributes[name] ?? null, setAttribute: (name, value) => (attributes[name] = value) };
   const say = () => ({ textContent: '' });
@@ -21,7 +21,7 @@ test('advice is read out; a clock that goes on in it is not, each second', () =>
   assert.deepEqual(heard, ['polite', 'off', 'polite']);
 });
 
-test('what is ready is celebrated once, a notice only hides it, and no note sounds where sound is off', (t) => {
+test('a robot that becomes ready is celebrated once; a notice only hides the message, and nothing sounds if sound is off', (t) => {
   t.mock.timers.enable({ apis: ['setTimeout'] });
   let [notes, isNoticed] = [0, false];
   const gain = { setValueAtTime() {}, exponentialRampToValueAtTime() {} };
@@ -43,9 +43,9 @@ test('what is ready is celebrated once, a notice only hides it, and no note soun
   assert.equal(tell('ready'), 'joy');
   isNoticed = false;
   assert.equal(tell('ready'), 'joy ready');
-  assert.equal(notes, 3, 'it was told once');
+  assert.equal(notes, 3, 'the notes are played once');
   t.mock.timers.tick(2000);
-  assert.equal(tell('ready'), 'ready', 'the joy is over');
+  assert.equal(tell('ready'), 'ready', 'the celebration is over');
   preferences.sound = false;
   tell('try');
   assert.equal(tell('ready'), 'joy ready');

@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-/** As much of an element as a stick takes: 100 by 100 pixels. */
+/** The part of an element that a stick needs: 100 by 100 pixels. */
 class FakeElement extends EventTarget {
   classes = new Set();
   classList = { toggle: (name, isOn) => void (isOn ? this.classes.add(name) : this.classes.delete(name)) };
@@ -19,7 +19,7 @@ const { declare } = await import('../../web/js/moves.js');
 const MOVES = ['forward', 'left', 'right'];
 
 for (const [what, y] of [['rests on it', 50], ['pushes it', 5]]) {
-  test(`a stick whose thumb ${what} as the link ends is free for the next thumb, though nothing tells it that the first came up`, () => {
+  test(`a stick whose thumb ${what} when the link ends accepts the next thumb, although it gets no pointerup of the first`, () => {
     declare(MOVES.map((name, i) => ({ name, label: {}, icon: '', does: '', steering: [0, -1, 1][i], throttle: 0.5 })));
     const helm = new Helm({ send: () => true, nextSeq: () => 1 }, () => ({ frame: 1 }));
     const follow = () => helm.follow({ mode: 'train', you_are_pilot: true }, MOVES);
@@ -28,7 +28,7 @@ for (const [what, y] of [['rests on it', 50], ['pushes it', 5]]) {
     follow();
     touch(1, y);
     assert.ok(stick.classes.has('held'));
-    helm.lose(); // and the page lays its pad anew, which takes the thumb from it
+    helm.lose(); // the page then builds its pad again, so the stick loses the thumb
     assert.ok(!stick.classes.has('held'));
     follow();
     touch(2, 5);

@@ -15,7 +15,7 @@ const refuse = (status, robot = null) => () => Promise.reject(Object.assign(new 
 const silent = () => Promise.reject(new TypeError('no answer'));
 const say = (answer) => () => Promise.resolve(answer);
 
-/** Lose the link so often, and return what the page then says of the way. @param {{answer: () => Promise<any>, isOnline?: boolean, losses?: number, livesMs?: number}} way */
+/** Lose the link this number of times; return the sentence that the page then shows. @param {{answer: () => Promise<any>, isOnline?: boolean, losses?: number, livesMs?: number}} way */
 async function told({ answer, isOnline = true, losses = 3, livesMs }) {
   let [way, nowMs] = [null, 0];
   const finder = new WayFinder({ askState: answer, isOnline: () => isOnline, nowMs: () => nowMs, tell: (found) => (way = found) });
@@ -28,14 +28,14 @@ async function told({ answer, isOnline = true, losses = 3, livesMs }) {
   return urgentAdvice(/** @type {any} */ (page)).key;
 }
 
-// The ways in which a link is broken, and what the page may say: never that the robot stands unless it said so.
+// Causes of a broken link, and what the page says. It says that the robot stands only if the robot has answered so.
 const WAYS = {
   'no route': [{ answer: silent }, 'out_of_reach'],
   refused: [{ answer: silent, losses: 2 }, 'out_of_reach'],
   'one answer is late': [{ answer: silent, losses: 1 }, 'searching'],
   'CONNECT refused, the robot stands': [{ answer: say(ROBOT) }, 'way.blocked.stands'],
   'CONNECT refused, another pilot drives': [{ answer: say(DRIVEN) }, 'way.blocked.driven'],
-  'CONNECT refused, it drives itself': [{ answer: say(ALONE) }, 'way.blocked.alone'],
+  'CONNECT refused, the robot drives by itself': [{ answer: say(ALONE) }, 'way.blocked.alone'],
   'too many pages': [{ answer: say({ ...ROBOT, is_full: true }) }, 'way.full'],
   'captive portal': [{ answer: say({ login: true }) }, 'way.foreign'],
   'websockets cut after 5 s': [{ answer: say(DRIVEN), livesMs: 5000, losses: 4 }, 'way.cut.driven'],
@@ -43,7 +43,7 @@ const WAYS = {
   'server stopped': [{ answer: silent }, 'out_of_reach'],
   'server restarted': [{ answer: say(ROBOT), losses: 1 }, 'searching'],
   'server starting': [{ answer: refuse(503, 'starts') }, 'way.starting'],
-  'its address is another now': [{ answer: refuse(421, 'refuses') }, 'fault'],
+  'another address': [{ answer: refuse(421, 'refuses') }, 'fault'],
   asleep: [{ answer: silent }, 'out_of_reach'],
   'proxy without its robot': [{ answer: refuse(502) }, 'way.gateway'],
   'wrong port': [{ answer: refuse(404) }, 'way.foreign'],
@@ -51,16 +51,16 @@ const WAYS = {
 };
 
 for (const [what, [way, key]] of Object.entries(WAYS)) {
-  test(`a link that is broken by this is called so: ${what}`, async () => assert.equal(await told(way), key));
+  test(`the page names the cause of a broken link: ${what}`, async () => assert.equal(await told(way), key));
 }
 
-test('a robot that ends three times in a row is not a network that cuts connections', async () => {
+test('a robot that restarts again and again does not count as a network that cuts connections', async () => {
   let [answer, way, nowMs] = [silent, null, 0];
   const finder = new WayFinder({ askState: () => answer(), isOnline: () => true, nowMs: () => nowMs, tell: (found) => (way = found) });
   for (let i = 0; i < 5; i += 1) {
     finder.opened();
     nowMs += 5000;
-    answer = silent; // it is starting again
+    answer = silent; // the robot is restarting
     await finder.lost();
     assert.equal(way.kind, 'checking');
     answer = say(ROBOT);
@@ -69,7 +69,7 @@ test('a robot that ends three times in a row is not a network that cuts connecti
   }
 });
 
-test('websockets that are refused after some were cut are blocked', async () => {
+test('websockets that are refused after earlier ones were cut count as blocked', async () => {
   let [way, nowMs] = [null, 0];
   const finder = new WayFinder({ askState: say(ROBOT), isOnline: () => true, nowMs: () => nowMs, tell: (found) => (way = found) });
   for (let i = 0; i < 3; i += 1) {
@@ -82,7 +82,7 @@ test('websockets that are refused after some were cut are blocked', async () => 
   assert.equal(way.kind, 'blocked');
 });
 
-test('what the robot does while websockets are blocked is asked again, and nothing is asked while there is a link', async () => {
+test('while websockets are blocked, the page asks what the robot does; with a link it does not ask', async () => {
   let [answer, asked, way] = [ROBOT, 0, null];
   const askState = () => Promise.resolve(((asked += 1), answer));
   const finder = new WayFinder({ askState, isOnline: () => true, nowMs: () => 0, tell: (found) => (way = found) });
@@ -96,7 +96,7 @@ test('what the robot does while websockets are blocked is asked again, and nothi
   assert.equal(asked, 3);
 });
 
-test('a link that comes back says nothing of the way any more, though a question is still out', async () => {
+test('the sentence about the link disappears when the link is back, although a question is still pending', async () => {
   let [way, answer] = ['none', () => {}];
   const finder = new WayFinder({ askState: () => new Promise((done) => (answer = done)), isOnline: () => true, nowMs: () => 0, tell: (found) => (way = found) });
   const losing = finder.lost();
@@ -115,13 +115,13 @@ test('no sentence about a lost link claims that the robot has stopped, in any la
   }
 });
 
-test('who is blocked is offered to watch, once', () => {
+test('a client without websockets is offered to watch, once', () => {
   const page = { ...initialState(), link: 'lost', way: { kind: 'blocked', robot: 'stands' }, robot: null };
   assert.equal(urgentAdvice(/** @type {any} */ (page)).step, 'watch');
   assert.equal(urgentAdvice(/** @type {any} */ ({ ...page, isWatching: true })).step, undefined);
 });
 
-test('pictures are asked for one by one, until the image is gone', (context) => {
+test('pictures are requested one after the other, until the image is removed', (context) => {
   context.mock.timers.enable({ apis: ['setTimeout'] });
   const image = Object.assign(new EventTarget(), { isConnected: true, src: '' });
   watchByRequests(/** @type {any} */ (image));

@@ -6,7 +6,7 @@ const folders = (below) => readdirSync(new URL(below, web), { withFileTypes: tru
   if (!entry.isDirectory()) return [];
   return entry.name === 'messages' ? [`${below}messages/`] : folders(`${below}${entry.name}/`);
 });
-/** The folders of sentences, the core's first. */
+/** The folders with sentences; the core's folder is the first. */
 export const FOLDERS = ['js/messages/', ...folders('').filter((folder) => folder !== 'js/messages/')];
 
 /** @param {string} code @returns {Promise<Record<string, string>[]>} by folder */

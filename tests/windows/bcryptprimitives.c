@@ -1,4 +1,4 @@
-/* Wine 8 lacks this library of Windows, of which programs in Rust want one function. */
+/* Wine 8 lacks this library of Windows; programs in Rust need one of its functions. */
 #include <windows.h>
 
 BOOLEAN NTAPI SystemFunction036(void *bytes, ULONG count); /* RtlGenRandom */

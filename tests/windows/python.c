@@ -1,4 +1,4 @@
-/* python.exe: the program is in python3*.dll, which stands beside it. */
+/* python.exe: the program itself is in python3*.dll, in the same folder. */
 #include <windows.h>
 #include <stdio.h>
 

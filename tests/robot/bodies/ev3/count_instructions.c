@@ -1,8 +1,8 @@
 /* A plugin for qemu-arm that counts guest instructions, one counter for each guest thread.
  *
- * The counters lie in a file that another process may read at any time:
+ * The counters are in a file that another process may read at any time:
  *   qemu-arm -plugin ./count_instructions.so,into=/path/of/4096/bytes PROGRAM
- * The few declarations are QEMU's plugin interface, version 1; Debian ships no header for it.
+ * The declarations are those of QEMU's plugin interface, version 1; Debian has no header for it.
  */
 #include <fcntl.h>
 #include <stddef.h>

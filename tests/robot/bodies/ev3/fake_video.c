@@ -1,14 +1,14 @@
-/* Plays /dev/video9 for an unmodified program: preload it (LD_PRELOAD).
+/* Simulates /dev/video9 for an unmodified program, as a preload library (LD_PRELOAD).
  *
  * FAKE_VIDEO names a file whose first word says how the camera behaves:
  *   run      new pictures
  *   freeze   no pictures
- *   gone     unplugged: open fails, and an open one says ENODEV
- * The rest is set in the environment, as FAKE_VIDEO_*:
- *   FORMAT     the formats offered, YUYV, MJPG and JPEG, joined by a comma
- *   SIZES      the sizes offered, joined by commas; the nearest is taken without a word
- *   JPEG       the file of its picture in MJPG and JPEG
- * It takes 30 pictures a second, each 5 ms before it gives it.
+ *   gone     unplugged: opening fails, and an open device returns ENODEV
+ * The other properties are variables of the environment, FAKE_VIDEO_*:
+ *   FORMAT     the offered formats, separated by commas: YUYV, MJPG, JPEG
+ *   SIZES      the offered sizes, separated by commas; the nearest is used without an error
+ *   JPEG       the file with the picture for MJPG and JPEG
+ * The camera takes 30 pictures a second, each 5 ms before it delivers the picture.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -102,7 +102,7 @@ static size_t paint(unsigned char *to) {
         FILE *file = fopen(getenv("FAKE_VIDEO_JPEG"), "rb");
         size_t n = file ? fread(to, 1, size - 4, file) : 0;
         if (file) fclose(file);
-        memcpy(to + n, &step, 4); /* bytes after the end marker are allowed, and differ */
+        memcpy(to + n, &step, 4); /* bytes after the end marker are allowed; here they differ */
         return n + 4;
     }
     for (int y = 0; y < height; y++)
@@ -134,7 +134,7 @@ static int dequeue(struct v4l2_buffer *buffer) {
     return 0;
 }
 
-/* The size with this number among those offered; 0 if there are fewer. */
+/* The offered size with this number; 0 if there are fewer. */
 static int offered_size(unsigned number, int *w, int *h) {
     const char *at = getenv("FAKE_VIDEO_SIZES");
     if (!at) at = "160x120";
@@ -207,7 +207,7 @@ static int answer(unsigned long request, void *data) {
     case VIDIOC_STREAMOFF:
         return 0;
     }
-    if (_IOC_TYPE(request) == 'V') abort(); /* the program has a wrong number */
+    if (_IOC_TYPE(request) == 'V') abort(); /* the program used a wrong request number */
     return fail(ENOTTY);
 }
 
