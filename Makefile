@@ -1,4 +1,4 @@
-# Two commands for everybody: `make run` and `make test`. Both set up what they need.
+# The two main commands are `make run` and `make test`. Both install what they need.
 .DEFAULT_GOAL := help
 PYTHON ?= python3
 VENV := .venv
@@ -20,12 +20,12 @@ run: $(VENV)/.demo ## Start the simulated robot and its page (ARGS="--lan" for a
 install: ## Put the command `drivelesson` on your PATH
 	@PYTHON="$(PYTHON)" sh install.sh
 
-# Four more than there are cores: tests of browsers and processes mostly wait.
+# Four workers more than cores, because tests of browsers and processes mostly wait.
 JOBS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 4)
 NPM := $(if $(shell command -v npm),tests/web/node_modules/.made)
 
 test test-brick test-newest test-oldest test-stalls test-windows: export OMP_NUM_THREADS := 1  # see tests/conftest.py
-# Tests start many processes: each would compile the program again.
+# Cache bytecode: tests start many processes, and each would compile the program again.
 test test-brick test-newest test-oldest test-stalls check: export PYTHONDONTWRITEBYTECODE :=
 
 test: lint $(NPM) ## Run all checks and tests (JOBS=1 to run one test at a time)
@@ -34,10 +34,10 @@ test: lint $(NPM) ## Run all checks and tests (JOBS=1 to run one test at a time)
 suite: $(VENV)/.dev
 	$(BIN)/python -m pytest -p tests.progress --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
-test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; says what is missing)
+test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; prints what is missing)
 	DRIVELESSON_BRICK=1 $(BIN)/python -m pytest tests/robot/bodies/ev3/test_server_on_brick.py $(ARGS)
 
-test-browsers: $(VENV)/.dev ## Teach and drive a robot in Firefox and WebKit (says what is missing)
+test-browsers: $(VENV)/.dev ## Teach and drive a robot in Firefox and WebKit (prints what is missing)
 	DRIVELESSON_OTHER_BROWSERS=1 $(BIN)/python -m pytest tests/e2e/test_other_browsers.py $(ARGS)
 
 test-stalls: $(VENV)/.dev ## Run the real-time tests while all processes pause at random
@@ -47,8 +47,8 @@ test-stalls: $(VENV)/.dev ## Run the real-time tests while all processes pause a
 test-windows: $(VENV)/.dev ## Run tests on Windows' Python under Wine, and teach a robot there (installs what it needs)
 	$(BIN)/python -m tests.windows $(ARGS)
 
-# What may differ there: routes and models of requests, sockets, the start, arrays and pictures. What
-# runs in virtual time past the framework is the same code as in `make test`, and runs there alone.
+# The tests of the parts that may differ with old libraries: routes and their models, sockets, the
+# start, arrays and pictures. `make test` tests the rest, which does not depend on these libraries.
 OLD_TESTS := $(addprefix tests/server/,access board cli coaching exchange hosting library recordings simulator \
   test_drive.py bodies/test_eye.py test_hostile_values.py test_identity.py \
   test_protocol.py test_real_server.py study/test_interrupted_sessions.py \
@@ -71,7 +71,7 @@ test-newest: $(NEWEST)/.made ## Check types and run the quick tests on the newes
 	  $(NEWEST)/bin/python -m pytest -p no:cacheprovider $(NEW_TESTS) \
 	    --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder \
 	    -m "not slow and not realtime and not browser" $(ARGS); \
-	else echo "there is no Python after 3.11 here: nothing was tested on it"; fi
+	else echo "This machine has no Python newer than 3.11, so nothing was tested."; fi
 
 check: lint types ## Check format, lint, types, import contracts, layout and docs, without the other tests
 	$(BIN)/python -m pytest -q -m 'not slow' tests/architecture tests/docs
@@ -115,18 +115,18 @@ tests/web/node_modules/.made: tests/web/package-lock.json
 	cd tests/web && npm ci --no-audit --no-fund
 	@touch $@
 
-clean: ## Remove .venv, with everything that make has installed there
+clean: ## Remove .venv and everything that make has installed there
 	rm -rf $(VENV)
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Drivelesson needs Python 3.11 or newer; set it with: make PYTHON=/path/to/python3.11" >&2; exit 1; }
-	@echo "Making $(VENV), a Python of its own ..."
+	@echo "Creating the virtual environment $(VENV) ..."
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip  # the one of Python 3.11 takes twice as long
+	$(BIN)/python -m pip install --quiet --upgrade pip  # Python 3.11's own pip takes twice as long
 
 $(VENV)/.demo: pyproject.toml | $(BIN)/python
-	@echo "Installing what Drivelesson needs into $(VENV): this takes one to three minutes, once."
+	@echo "Installing Drivelesson's requirements in $(VENV). This takes one to three minutes, and only once."
 	$(BIN)/python -m pip install --no-compile --editable .
 	@touch $@
 
@@ -134,7 +134,7 @@ $(VENV)/.dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --no-compile --editable '.[dev]'
 	@touch $@ $(VENV)/.demo
 
-# What documents and packages are made with, beside what is there.
+# The additional tools that build the documents and the packages.
 $(VENV)/.site $(VENV)/.dist: $(VENV)/.%: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --no-compile --editable '.[$*]'
 	@touch $@

@@ -1,5 +1,5 @@
 #!/bin/sh
-# What `make install` does: puts `drivelesson` on the PATH, in an environment of its own.
+# `make install` runs this: it puts the command `drivelesson` on the PATH, in a separate environment.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 python=${PYTHON:-python3}
@@ -18,7 +18,7 @@ else
 fi
 
 case ":$PATH:" in
-  *":$folder:"*) echo "Installed. Start it with: drivelesson" ;;
-  *) echo "Installed in $folder, which is not on your PATH yet. Add it with:"
+  *":$folder:"*) echo "Drivelesson is installed. Start it with: drivelesson" ;;
+  *) echo "Drivelesson is installed in $folder, which is not on your PATH yet. Add the folder with:"
      echo "  echo 'export PATH=\"$folder:\$PATH\"' >> ~/.profile && . ~/.profile" ;;
 esac

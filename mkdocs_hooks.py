@@ -1,4 +1,4 @@
-"""What mkdocs does not do by itself: pages from the root, folders in the menu, no foreign host."""
+"""Hooks for mkdocs: adds pages from the root, expands folders in the menu, refuses other hosts."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FETCHED = re.compile(
 
 
 class Examples(griffe.Extension):
-    """Shows an `Example:` of a docstring as code, as griffe does with `Examples:` alone."""
+    """Shows an `Example:` of a docstring as code; by itself, griffe does so only for `Examples:`."""
 
     def on_instance(self, *, obj: griffe.Object, **_: object) -> None:
         """Rename the section of one object."""
@@ -37,7 +37,7 @@ class Examples(griffe.Extension):
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Put the pages of a folder where the navigation names it."""
+    """Replace each folder in the navigation by its pages."""
     config.nav = [_expanded(entry, Path(config.docs_dir)) for entry in config.nav or []]
     return config
 
@@ -76,14 +76,14 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Let a link that leaves `docs` lead to the page that was added from the root."""
+    """Redirect links that leave `docs` to the pages that were added from the root."""
     up = "../" * page.file.src_uri.count("/")
     markdown = markdown.replace(f"](../{up}README.md", f"]({up}{FROM_ROOT['README.md']}")
     return markdown.replace(f"](../{up}", f"]({up}")
 
 
 def on_post_build(config: MkDocsConfig) -> None:
-    """Refuse a site that fetches something from elsewhere when it is read."""
+    """Refuse a site whose pages fetch something from another host."""
     fetched = {
         f"{file.relative_to(config.site_dir)}: {one[0] or one[1]}"
         for kind in ("*.html", "*.css")
@@ -91,4 +91,6 @@ def on_post_build(config: MkDocsConfig) -> None:
         for one in _FETCHED.findall(file.read_text("utf-8"))
     }
     if fetched:
-        raise PluginError("the site would be fetched from elsewhere: " + "; ".join(sorted(fetched)))
+        raise PluginError(
+            "these pages would fetch files from other hosts: " + "; ".join(sorted(fetched))
+        )
