@@ -26,7 +26,7 @@ _FETCHED = re.compile(
 
 
 class Examples(griffe.Extension):
-    """Shows an `Example:` of a docstring as code; by itself, griffe does so only for `Examples:`."""
+    """Shows an `Example:` of a docstring as code; griffe itself does so only for `Examples:`."""
 
     def on_instance(self, *, obj: griffe.Object, **_: object) -> None:
         """Rename the section of one object."""

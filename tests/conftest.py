@@ -23,8 +23,8 @@ from tests.wall_clock import _off_the_wall_clock  # noqa: F401
 for part in ("connect", "read", "write", "pool"):
     setattr(httpx._config.DEFAULT_TIMEOUT_CONFIG, part, 60.0)
 
-# A busy machine is not a fault, so an example has no time limit. The examples are the same in every
-# run, so that none fails by chance; `--hypothesis-profile=searching` searches further.
+# An example has no time limit, because a busy machine is not a fault. The examples are the same in
+# every run; `--hypothesis-profile=searching` tries other ones.
 for name, is_same in (("unhurried", True), ("searching", False)):
     hypothesis.settings.register_profile(
         name,
@@ -51,14 +51,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.Item]) -> None:
-    """Mark tests of real parts, check the number of other real-time tests, and sort the tests."""
+    """Mark tests of real parts, limit the number of other real-time tests, and sort all tests."""
     wall_clock.hold_to_the_limit(session, items)
     here = Path(__file__).parent
     for item in items:
         if wall_clock.is_exempt(item.path.relative_to(here).as_posix(), item.name):
             item.add_marker(pytest.mark.realtime)
-    # The longest files come first, so that at the end no worker waits for a file that another has
-    # just begun.
+    # The longest files come first, so that all workers end at about the same time.
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 
@@ -78,7 +77,7 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """No test reads or writes the data folder of the person who runs it."""
+    """Give each test a data folder, so that no test uses the folder of the person who runs it."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DRIVELESSON_DATA", str(tmp_path_factory.mktemp("data")))
         yield
@@ -86,7 +85,7 @@ def _own_data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_folder_for_inner_runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """If a test starts pytest, this pytest shares no folder with that of another worker.
+    """If a test starts pytest itself, give this pytest a separate temporary folder.
 
     Each pytest removes old temporary folders when it ends. Two pytests that clean one folder at the
     same time warn of an unclosed `scandir`, and a warning is an error here (pytest 9).

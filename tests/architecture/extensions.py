@@ -49,7 +49,7 @@ CORE_DOCUMENTS = (
     "howto/write-a-driver.md",
     "reference/protocol.md",
 )
-"""Pages about the core only; the other pages name extensions, to say where they are."""
+"""Pages that may name no extension; all other pages say where extensions are."""
 
 
 def modules(root: Path) -> list[Path]:
@@ -58,7 +58,7 @@ def modules(root: Path) -> list[Path]:
 
 
 def extension_of(file: Path) -> str:
-    """Return the extension to which a module of the product belongs, by its path from the root."""
+    """Return the extension that contains a module, by the module's path from the root."""
     return file.parts[1] if file.parts[1] in EXTENSIONS else "core"
 
 

@@ -64,7 +64,7 @@ def place(source: str, target: str) -> None:
 def copy_without(extensions: set[str], folder: Path, *names: str) -> None:
     """Copy the tree without extensions."""
     gone = packages_of(extensions)
-    # linking the compiled modules saves a second
+    # the links include compiled modules, which saves a second
     ignored = shutil.ignore_patterns("node_modules", "*.webp")
     for name in names:
         shutil.copytree(ROOT / name, folder / name, ignore=ignored, copy_function=place)
@@ -78,7 +78,7 @@ def copy_without(extensions: set[str], folder: Path, *names: str) -> None:
         lines = named.read_text("utf-8").splitlines(keepends=True)
         rooms = [page for each in extensions for page in WEB.get(each, ())]
         gone_lines = {f"import './{room.removeprefix('js/')}/extension.js';\n" for room in rooms}
-        named.unlink()  # the tree has its own version of this file
+        named.unlink()  # the tree gets its own version of this file
         named.write_text("".join(line for line in lines if line not in gone_lines), "utf-8")
     text = (ROOT / "pyproject.toml").read_text("utf-8")
     taken = "|".join(map(re.escape, sorted(gone)))

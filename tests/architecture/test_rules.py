@@ -1,4 +1,4 @@
-"""The source code has the layout that docs/explanation/architecture.md describes."""
+"""The source code has the structure that docs/explanation/architecture.md describes."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from robot.learner.base import BaseLearner, Evidence, State
 
 
 class NotPicklableError(Exception):
-    """An error whose constructor needs two arguments; Pickle constructs it again with one."""
+    """An error that pickle cannot restore: the constructor needs two arguments, but gets one."""
 
     def __init__(self, one: str, two: int) -> None:
         super().__init__(one)
@@ -42,7 +42,7 @@ class Teaching(Odd):
     """A learner that cannot be taught."""
 
     def learn_one(self, x: Any, y: Any) -> None:
-        raise ValueError("nothing can be learned")
+        raise ValueError("this learner cannot learn")
 
 
 class Driving(Odd):
@@ -52,4 +52,4 @@ class Driving(Odd):
         pass
 
     def explain_one(self, x: Any) -> Evidence:
-        raise ValueError("nothing can be said")
+        raise ValueError("this learner cannot propose a move")

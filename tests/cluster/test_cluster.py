@@ -1,6 +1,6 @@
 """Experiments on real Dask schedulers and workers in separate processes, intact and faulty.
 
-Each experiment must give the results of one process to the last digit, or end with one sentence.
+Each experiment must give exactly the results of a single process, or end with one sentence.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 _SITE = Path(numpy.__file__).parents[1]
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
 Kill = Callable[[], None]
-"""Kills a process and those that it has started."""
+"""Kills a process and its child processes."""
 
 
 class Cluster:

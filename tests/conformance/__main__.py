@@ -2,8 +2,7 @@
 conformance`.
 
 Each program gets a separate environment below var/conformance, in which a script of this folder
-uses it. A program that cannot be installed is named, and is not a failure. The run ends with a
-table.
+uses the program. The final table names the programs that cannot be installed; they are no failure.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ class Result(NamedTuple):
 
 
 class NotToBeHadError(Exception):
-    """A program that no index, package manager or machine provides."""
+    """Neither this machine nor an index or package manager has the program."""
 
 
 def check_lerobot(home: Path, samples: Samples) -> Iterator[Result]:
@@ -258,7 +257,7 @@ def _said(words: list[object]) -> str:
 
 
 def _attempted(attempt: Callable[[], str]) -> tuple[str, str]:
-    """Return what an attempt tells, and its outcome."""
+    """Return the report of an attempt, and its outcome."""
     try:
         return attempt(), "passed"
     except Exception as error:

@@ -44,7 +44,7 @@ Tried = tuple[str, Callable[[], str]]
 
 
 def taught(address: str) -> int:
-    """Return a robot's number of examples, which shows that a pilot drives it."""
+    """Return a robot's number of examples, which grows while a pilot drives the robot."""
     text = httpx.get(f"{address}/metrics").text
     found = re.search(r'learner_seconds_count\{work="learn"\} (\d+)', text)
     return int(found[1]) if found else 0

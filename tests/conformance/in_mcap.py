@@ -14,7 +14,7 @@ from mcap_protobuf.decoder import DecoderFactory
 recording = Path(sys.argv[1])
 print("VERSION", version("mcap"))
 
-print("TRY reads with checksums")
+print("TRY reads, and checks the checksums")
 with recording.open("rb") as file:
     reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
     summary = reader.get_summary()

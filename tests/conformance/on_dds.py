@@ -49,7 +49,7 @@ def process(*words: object) -> Iterator[subprocess.Popen[str]]:
 
 
 def lines_of(running: subprocess.Popen[str]) -> list[str]:
-    """Return the lines of a process's output, which grow."""
+    """Return the lines of a process's output; the list grows."""
     lines: list[str] = []
     threading.Thread(
         target=lambda: lines.extend(iter(running.stdout.readline, "")),
@@ -84,7 +84,7 @@ def orders(program: Path, *, stamped: bool) -> str:
 
 
 def pictures(program: Path) -> str:
-    """Have Fast DDS send numbered pictures; each that is shown must be one of them, in order."""
+    """Have Fast DDS send numbered pictures; the camera must show some of them, in order."""
     kinds, sent, shown = ROS.types, [], list[bytes]()
     header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](1, 2), "camera")
     noise = np.random.default_rng(1).integers(0, 256, (240, 320, 3), np.uint8)

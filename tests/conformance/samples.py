@@ -1,5 +1,4 @@
-"""Makes samples for the other programs, one simulated drive in every format, and imports the
-programs' data."""
+"""Writes one simulated drive in every format for the other programs, and imports their data."""
 
 from __future__ import annotations
 

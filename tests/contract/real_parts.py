@@ -1,4 +1,4 @@
-"""Real sockets, processes and third-party libraries also keep the contract.
+"""The drivers and cameras also fulfil the contract with real sockets, processes and libraries.
 
 These checks show only that the parts work. The suites in virtual time check all of the contract and
 the times of every body.
@@ -33,7 +33,7 @@ SHORT: tuple[Check, ...] = (
     DriverContract.test_it_leaves_nothing_behind,
     DriverContract.test_a_body_whose_line_is_cut_stands_and_the_driver_says_so,
 )
-"""For bodies without a suite in virtual time, in `make test`."""
+"""Check real bodies that have no suite in virtual time."""
 
 
 def on_a_busy_machine(driver: Driver, is_moving: Callable[[], bool], **more: Any) -> DriverCase:

@@ -73,7 +73,7 @@ def gymnasium_driver(moves: str = "") -> Iterator[DriverCase]:
     driver = line_of_pixels(moves)
 
     def is_moving() -> bool:
-        driver.advance(0.0)  # opens it
+        driver.advance(0.0)
         environment: Any = driver._environment
         before = environment.env.unwrapped.n_steps
         driver.advance(0.02)
@@ -89,7 +89,7 @@ def gymnasium_driver(moves: str = "") -> Iterator[DriverCase]:
 
 
 def real_brick_case(address: str) -> DriverCase:
-    """A brick on the table, by `pytest --ev3 ADDRESS`. The brick counts as moving while its wheels'
+    """A real brick, which `pytest --ev3 ADDRESS` names; it counts as moving while its wheels'
     counters change."""
     driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=address))
 

@@ -1,4 +1,4 @@
-"""Every learner keeps its protocol: gallery, pinning, novelty and undo work, or are refused."""
+"""In every learner, the gallery, pinning, novelty and undo either work or are refused."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from tests.kit.states import same_state
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 SIZE = 6
 TAUGHT = 21
-"""Number of examples: more than a learner has images, and each network of the lab takes 10 ms for
-one."""
+"""Number of examples: more than a learner has images, but few, because the lab's networks need
+10 ms for each example."""
 STEP_S = 0.2
 
 
@@ -53,7 +53,7 @@ def teach(policy: Policy, examples: int, first: int = 0) -> None:
 
 @pytest.fixture
 def each_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make the policy learn repeated views, too; `Repeats` has tests of its own."""
+    """Make the policy also learn repeated views, which `Repeats` would skip."""
     monkeypatch.setattr(Repeats, "on_example", lambda self, lesson: None)
 
 
@@ -115,7 +115,7 @@ def test_the_current_move_counts_or_the_learner_says_that_it_does_not(kind: str)
 def test_a_pinned_image_stays_as_it_is(kind: str) -> None:
     policy = make(kind)
     if not policy.learner.abilities.pinning:
-        pytest.skip("it says that it cannot pin")
+        pytest.skip("this learner cannot pin images")
     teach(policy, TAUGHT)
     pinned = images(policy)[0]
     policy.learner.pin_node(pinned.node_id)
@@ -130,7 +130,7 @@ def test_a_pinned_image_stays_as_it_is(kind: str) -> None:
 @pytest.mark.usefixtures("each_is_learned")
 def test_a_strange_view_is_novel_or_the_learner_says_that_it_cannot_tell(kind: str) -> None:
     policy = make(kind)
-    for i in range(60):  # the default learner judges novelty after 50
+    for i in range(60):  # the default learner reports novelty only after 50 examples
         policy.learn(policy.extract(view(0, i)), MOVES[0])
     familiar = policy.propose(1, policy.extract(view(0, 700)))
     strange = policy.propose(2, policy.extract(view(77, 700)))
@@ -149,7 +149,7 @@ def test_after_the_last_image_is_deleted_it_proposes_nothing(kind: str) -> None:
 
 @pytest.mark.parametrize("seed", seeds(1, 3))
 def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
-    """Begin new drives in between, because learners of several places then look for their place."""
+    """Begin new drives in between, at which learners of several places look for their place."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(20, 50))
     drives = set(rng.integers(1, count, 4).tolist())
@@ -179,7 +179,7 @@ def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
 def test_undoing_an_edit_brings_the_image_back(kind: str) -> None:
     history = TrainingHistory(make(kind))
     if not history.policy.learner.abilities.images:
-        pytest.skip("it says that it stores no images")
+        pytest.skip("this learner stores no images")
     for i in range(TAUGHT):
         example = Example(frame_id=i, label=MOVES[i % 3], is_intervention=i % 5 == 0)
         history.teach(example, history.policy.extract(view(i % 9, i)), captured_s=i * STEP_S)

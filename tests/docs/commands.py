@@ -19,7 +19,7 @@ TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"),
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
     "optional-dependencies"
 ]
-# cached, because each parser reads the installed packages
+# cached, because building a parser reads the installed packages
 commands, drivers = cache(main.commands), cache(driver_names)
 _CODE = re.compile(r"```[^\n]*\n(.*?)```|^( {4}[^\n]*)$|(?<!`)`([^`\n]+)`", re.DOTALL | re.M)
 _CALL = re.compile(r"(?:^|[\s/\"(])drivelesson((?: [^|&;#()`\n]+)?)")

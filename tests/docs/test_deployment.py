@@ -32,7 +32,7 @@ def parse(words: list[str]) -> Namespace:
 
 def test_the_image_runs_without_root_and_keeps_its_data_in_its_volume() -> None:
     text = (EXAMPLES / "container" / "Containerfile").read_text("utf-8")
-    # of repeated options the last one counts
+    # if an option is repeated, the last one counts
     steps = dict(re.findall(r"^([A-Z]+) (.*)$", text, re.M))
     args = parse([*json.loads(steps["ENTRYPOINT"]), *json.loads(steps["CMD"])])
     assert args.lan and str(args.data) == steps["VOLUME"]

@@ -44,7 +44,7 @@ def main(folder: Path) -> None:
         )
         assert done.stdout.split() == ["left"], done.stdout
         _serve(drivelesson, place)
-    print(f"{wheel.name} works on {sys.platform}, Python {sys.version.split()[0]}")
+    print(f"{wheel.name} works on {sys.platform} with Python {sys.version.split()[0]}")
 
 
 def _serve(drivelesson: Path, place: Path) -> None:

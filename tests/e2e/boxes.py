@@ -18,7 +18,7 @@ _WHEN_LAID_OUT = """async () => {
 
 
 def faults(page: Any, measure: str = MEASURE, usual: tuple[str, ...] = ()) -> list[str]:
-    """List the truncated or overlapping elements that stay so; a busy machine lays out late.
+    """List the elements that stay truncated or overlapping; a busy machine may lay out late.
 
     Args:
         page: The page as it is now.
@@ -58,9 +58,9 @@ def in_language(browser: Any, language: str) -> Any:
 
 
 def speak_longer(context: Any) -> None:
-    """Have the page use a language half as long again as English, with tall letters.
+    """Have the page use an invented language, half as long again as English, with tall letters.
 
-    Words of this invented language may fill a button's padding; words of a real one may not.
+    Words of this language may fill a button's padding; words of a real language may not.
     """
     context.add_init_script("window.isMadeUp = true")
 

@@ -85,7 +85,7 @@ def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
 
 
 class _OnePage:
-    """The only page that is open at the rover, so that this page has the wheel."""
+    """Opens one page at the rover, and no other, so that this page has the wheel."""
 
     def __init__(self) -> None:
         self.page: Any = None
@@ -118,8 +118,7 @@ def _one_page() -> Iterator[_OnePage]:
 def rovers_page(
     request: pytest.FixtureRequest, chromium: Any, rover: World, _one_page: _OnePage
 ) -> Iterator[Callable[[dict[str, int]], Any]]:
-    """Returns the one page at the rover that the tests of a file share; after a failure the next
-    page is new."""
+    """Returns the page at the rover that the tests of a file share; after a failure, a new page."""
     failed = request.session.testsfailed
     yield lambda viewport: _one_page.get(chromium, rover, viewport)
     if request.session.testsfailed > failed:

@@ -15,7 +15,7 @@ from .world import PHONE, World, open_page, passing_world
 
 _SIZE_PX, _MOST_BYTES, _LONGEST_S = (312, 675), 2_000_000, 0.3
 _TURNS_AT_M = (0.35, 0.3, 0.4, 0.35, 0.25, 0.35, 0.3, 0.4, 0.3)
-"""If the pilot turns at one place for too long, the robot asks for help everywhere else."""
+"""Distances of the pilot's turns; with equal distances, the robot would ask for help at others."""
 _ASKED_SHARE = 0.1
 
 

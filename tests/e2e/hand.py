@@ -19,7 +19,7 @@ SET_HIDDEN = """(hidden) => {
 """A script that treats the page as a browser does when the person chooses another tab, or gets a
 call."""
 Way = tuple[float, float]
-"""Distance from a control's middle to the right and upwards, as shares of its width and height."""
+"""Offset from a control's middle, to the right and upwards, in shares of its width and height."""
 MIDDLE: Way = (0.0, 0.0)
 _LET_GO = 25
 """Number of checks in a row without a held move after which the page counts as having let go."""
@@ -137,7 +137,7 @@ def choose(page: Any, world: World, mode: Mode) -> None:
         assert time.monotonic() < deadline_s, f"the robot does not stay in {mode.value}: {world}"
         if world.mode is not mode and button.is_enabled():
             button.click()
-        # the robot was stopped at once, or the request was late
+        # the robot was stopped at once, or the request arrived late
         with contextlib.suppress(Exception):
             shown.wait_for(timeout=1000)
         page.wait_for_timeout(20)
@@ -196,7 +196,7 @@ def drive_on(page: Any, world: World, *, until: Callable[[], bool], within_s: fl
 
 
 def turned_rad(world: World, seconds: float = 0.4) -> float:
-    """Return the angle by which the robot turns to the left within some time."""
+    """Return the angle by which the robot turns to the left in this time."""
     before = world.pose.heading_rad
     time.sleep(seconds)
     return math.remainder(world.pose.heading_rad - before, math.tau)
@@ -209,7 +209,7 @@ def turning(world: World) -> Callable[[], bool]:
 
 
 def wait_until_standing(world: World, within_s: float = 30.0) -> None:
-    """Wait until the robot's body stands, and print how long that took."""
+    """Wait until the robot's body stands, and print the time that this took."""
     since_s = time.monotonic()
     pose, moved_s = world.pose, since_s
     while time.monotonic() - moved_s < 0.3:
@@ -218,4 +218,4 @@ def wait_until_standing(world: World, within_s: float = 30.0) -> None:
         if now != pose:
             pose, moved_s = now, now_s
         assert now_s - since_s < within_s, f"the robot still moves after {within_s} s"
-    print(f"stood after {moved_s - since_s:.3f} s")
+    print(f"the robot stood after {moved_s - since_s:.3f} s")

@@ -38,7 +38,7 @@ RATE_HZ = 10.0
 """Pictures a second, as the camera of a real EV3 sends. Tests of the page use half of this rate,
 with which a robot learns half as much in the same time and reacts later."""
 PUSHED_S = 0.5
-"""Driving against something for longer than this is pushing; a brief touch is not."""
+"""A contact that lasts longer than this counts as pushing."""
 READ_EVERY_S = 0.4
 READING_S = 1.5
 """Time for which a person reads a sentence before following it."""
@@ -80,7 +80,7 @@ class Story:
 class Lenient:
     """A teacher who has read when to correct: before a bump, or when the robot stands.
 
-    Before he has read when to correct, he corrects everything that he would do differently.
+    Before that, the teacher corrects everything that he would do differently.
     """
 
     def __init__(self, teacher: Teacher) -> None:
@@ -153,7 +153,7 @@ class Newcomer:
             self._choose(Mode.AUTONOMOUS)
         elif mode is Mode.STOPPED and told == "teach":
             self._choose(Mode.TRAIN)
-        elif mode is Mode.STOPPED and (told == "go on" or "and go on" in text):  # the robot's fault
+        elif mode is Mode.STOPPED and (told == "go on" or "and go on" in text):  # after a fault
             self._choose(self._wanted)
         elif self.page.locator(".notice button", has_text=self._words["step.hint"]).is_visible():
             self._tap(".notice button")
@@ -164,7 +164,7 @@ class Newcomer:
         self._pilot.change_mode(mode)
 
     def _tap(self, selector: str) -> None:
-        self._hold(None)  # browsers send no click for a second finger
+        self._hold(None)  # use the mouse, because browsers send no click for a second finger
         with contextlib.suppress(Exception):  # the control may disappear before the finger arrives
             self._fingers.press(selector, finger=2)
             self._fingers.lift(finger=2)
@@ -221,7 +221,7 @@ class Newcomer:
 
 
 def is_said(key: str, text: str, words: dict[str, str]) -> bool:
-    """True if a text is the sentence with this key, with any values filled in."""
+    """True if a text is the sentence with this key, filled with any values."""
     return re.fullmatch(re.sub(r"\\{\w+\\}", ".*", re.escape(words[key])), text) is not None
 
 
@@ -272,8 +272,8 @@ def main() -> int:
         )
     done = sum(story.is_done for story in stories)
     soon = sum((story.done_s or LIMIT_S) <= SOON_S for story in stories)
-    print(f"{done} of {len(stories)} have a robot that drives a minute by itself within 4 minutes")
-    print(f"{soon} of them within {SOON_S:.0f} s")
+    print(f"{done} of {len(stories)} robots drove by themselves for a minute within 4 minutes")
+    print(f"{soon} of them did so within {SOON_S:.0f} s")
     return 0 if 12 * done >= 11 * len(stories) else 1
 
 

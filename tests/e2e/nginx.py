@@ -1,5 +1,6 @@
-"""A real nginx or Caddy in front of robots, with the configuration of the docs; nginx also without
-it."""
+"""A real nginx or Caddy in front of robots, with the configuration of the docs.
+
+nginx also runs with a minimal configuration."""
 
 from __future__ import annotations
 
@@ -52,13 +53,13 @@ def find_proxy(name: str, package: str) -> str:
 
 
 def plain_site(port: int, robot: int, connection: str = "upgrade") -> str:
-    """Return the configuration that passes on only the request."""
+    """Return a minimal configuration, which passes on only the request."""
     site = _PLAIN.replace("PORT", str(port)).replace("ROBOT", str(robot))
     return site.replace("CONNECTION", connection)
 
 
 def site_of_the_docs(port: int, robots: Sequence[int], folder: Path, *, tls: bool = True) -> str:
-    """Return the file of the docs, with ports and a certificate of this test."""
+    """Return the configuration of the docs, with this test's ports and certificate."""
     site = FROM_THE_DOCS.read_text().replace("443 ssl", f"127.0.0.1:{port}{' ssl' * tls}")
     for given, robot in zip((8000, 8001), robots, strict=False):
         site = site.replace(f"127.0.0.1:{given}", f"127.0.0.1:{robot}")

@@ -1,8 +1,7 @@
 """Firefox over WebDriver BiDi and WebKit over WebDriver, without a library in between.
 
-Firefox listens by itself; WebKit is Debian's `webkit2gtk-driver`, whose browser needs a display
-(`xvfb`). Both browsers accept the actions of the W3C's WebDriver, so a hand on the glass is the
-same.
+Firefox itself accepts connections; WebKit is Debian's `webkit2gtk-driver`, whose browser needs a
+display (`xvfb`). Both browsers accept the actions of the W3C's WebDriver, so both share one hand.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def film_a_good_pilot(frames: int) -> tuple[FrameEvent, ...]:
 
 
 def put_recording(world: World) -> None:
-    """Make a recording without driving, so that a busy machine cannot shorten it."""
+    """Make a recording without driving, so that a busy machine does not make it shorter."""
     store = world.persistence.part(Recordings).episodes
     film = Drive(
         name="film",

@@ -44,7 +44,7 @@ LIGHT = {
     "landscape": (LANDSCAPE, "light"),
     "desktop": (DESKTOP, "light"),
 }
-"""The endings of the pictures' names: size and colour scheme."""
+"""The sizes and colour schemes, by the endings of the pictures' names."""
 ALSO_DARK = {**LIGHT, "phone-dark": (PHONE, "dark")}
 SCREENS = ("gallery", "why", "teaching", "undo", "home", "settings")
 Looks = dict[str, tuple[Any, str]]
@@ -105,7 +105,7 @@ def _contexts(browser: Any, looks: Looks = LIGHT) -> Iterator[tuple[str, Any]]:
 
 
 def _save(png: bytes, path: Path) -> None:
-    """Write a picture with a fifth of the bytes."""
+    """Write a picture in a form that needs a fifth of the bytes."""
     from PIL import Image
 
     Image.open(io.BytesIO(png)).convert("RGB").save(path, quality=_QUALITY, method=6)
@@ -194,7 +194,7 @@ def _take_pairing(browser: Any, folder: Path) -> None:
 
 
 def _take_class(browser: Any, folder: Path) -> None:
-    """The teacher's board: pictures, codes, and a STOP that does not reach one robot."""
+    """The teacher's board with pictures, with codes, and with a STOP that missed one robot."""
     for ending, context in _contexts(browser):
         with (
             tempfile.TemporaryDirectory() as kept,

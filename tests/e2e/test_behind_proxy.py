@@ -64,7 +64,7 @@ def test_the_page_its_websockets_and_stop_work_behind_a_proxy(
 
 
 def _judge(page: Any, server: LiveServer) -> None:
-    """Check that this page shows and stops its own robot, by websocket and by request."""
+    """Check that this page shows its own robot, and stops it by websocket and by request."""
     page.wait_for_selector("video-view[data-frames]", state="attached", timeout=60_000)
     assert not server.rig.loop.state.emergency
     page.locator(".stop:visible").click()

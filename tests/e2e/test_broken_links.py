@@ -1,5 +1,4 @@
-"""If a page's path to its robot breaks, the robot stops, and the page and a second page tell the
-truth.
+"""If the path from a page to its robot breaks, the robot stops, and all pages show the truth.
 
 tests/faults checks how soon the robot stops, and tests/web/way.test.mjs which sentence belongs to
 which fault.
@@ -54,12 +53,12 @@ def drive(page: Any, world: World) -> Fingers:
 
 
 def test_the_robot_stops_if_the_pages_main_thread_hangs(phone: Any, world: World) -> None:
-    # A computer that is paused meanwhile stops the robot because of a picture's age.
+    # A pause of the computer also stops the robot, because the pictures are too old then.
     for _ in range(5):
         drive(phone, world)
         debugger = phone.context.new_cdp_session(phone)
         debugger.send("Debugger.enable")
-        # the page is paused at the next line that it runs, which is near a heartbeat
+        # the page pauses at the next line that it runs, which belongs to a heartbeat
         debugger.send("Debugger.pause")
         wait_until_standing(world)
         reason = world.rig.loop.state.decision.stop_reason
@@ -110,7 +109,7 @@ def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
 def test_a_page_reports_blocked_websockets_and_requests_pictures_instead(
     far_phone: Any, way: BrokenWay
 ) -> None:
-    """The first fault is a network that blocks websockets, the second a gateway without a robot."""
+    """The first network blocks websockets; the second has a gateway that reaches no robot."""
     words = sentences("en")
     way.fault = "websockets blocked"
     far_phone.locator(".notice p", has_text=words["way.blocked.stands"]).wait_for()

@@ -88,7 +88,7 @@ def test_the_board_renames_pairs_locks_copies_models_and_stops(
         page.locator("[data-number='2'] h2", has_text="Zora").wait_for()
         assert school.robots[1].identity.now.name == "Zora"
 
-        # One phone scans the code on paper, and one the code on the board; both can drive.
+        # One phone scans the code on paper, another one the code on the board; both can drive.
         sheet = chromium.new_context(device_scale_factor=3).new_page()
         sheet.goto(f"{school.address}/codes")
         card = sheet.locator("article", has_text="Zora")
@@ -126,7 +126,7 @@ def test_the_board_renames_pairs_locks_copies_models_and_stops(
         assert target.autosave.name in target.models.names()
         assert target.autosave.name == source.autosave.name
 
-        # STOP acts when it is pressed, before it is released.
+        # STOP acts on the press, before the release.
         box = page.locator("button.stop").bounding_box()
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         page.mouse.down()
@@ -136,8 +136,7 @@ def test_the_board_renames_pairs_locks_copies_models_and_stops(
             assert driver.now is Action.STOP
         page.mouse.up()
 
-        # The teacher pressed this STOP: the phones say so and do not offer to release it, but the
-        # board does.
+        # The teacher pressed this STOP, so only the board offers to release it; the phones say so.
         pupil = phones[1].pages[0]
         pupil.locator(".notice", has_text="Your teacher has stopped the robot").wait_for()
         assert pupil.locator(".notice button:visible").count() == 0
@@ -146,7 +145,7 @@ def test_the_board_renames_pairs_locks_copies_models_and_stops(
         for robot in school.robots:
             wait_until(lambda r=robot: not r.robot.loop.state.emergency, "each is released")
 
-        # A key without a code, from a television's remote control, also stops.
+        # The keys of a television's remote control, which have no code, also stop.
         page.evaluate("document.activeElement.blur()")
         space = "new KeyboardEvent('keydown', {key: ' ', bubbles: true})"
         page.evaluate(f"document.body.dispatchEvent({space})")

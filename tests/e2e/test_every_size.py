@@ -55,7 +55,7 @@ def everywhere(
 
 @pytest.fixture(scope="module")
 def taught(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    """A robot that was taught a little, with a recording; the tests of this file only show it."""
+    """A robot that was taught a little, with a recording; the tests of this file change nothing."""
     folder = tmp_path_factory.mktemp("taught")
     with running_world(folder, world="office", frame_rate_hz=30.0) as running:
         drive(running, 60)
@@ -90,8 +90,7 @@ def test_no_text_is_truncated_and_no_elements_overlap(
 
 
 def _open_all(page: Any) -> None:
-    """Open everything that opens at a touch: the details of a card, the tools of a model or
-    recording."""
+    """Open all collapsed parts, such as the details of a card or the tools of a recording."""
     for opener in ("[aria-expanded=false].quiet", ".gallery .card"):
         shown = page.locator(f"#other {opener}")
         for i in range(min(shown.count(), 3) - 1, -1, -1):

@@ -1,5 +1,4 @@
-"""The page is for everyone: it is accessible, small, read out in order, and does not move if the
-person wants so."""
+"""The page is accessible and small, is read out in order, and respects the wish for less motion."""
 
 from __future__ import annotations
 
@@ -42,7 +41,7 @@ def complaints(page: Any, rules: list[str] = WCAG) -> list[str]:
 
 
 def in_both_schemes(page: Any) -> list[str]:
-    """All faults in light colours, and the faults of contrast in dark colours."""
+    """All faults with light colours, and the faults of contrast with dark colours."""
     found = complaints(page)
     page.emulate_media(color_scheme="dark")
     found += complaints(page, ["color-contrast"])

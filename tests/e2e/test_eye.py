@@ -80,7 +80,7 @@ def test_a_phone_as_the_eye_reports_a_covered_lens_and_its_stop_is_obeyed(tmp_pa
             if tick.frame is not None:
                 frames.append((tick.frame, rig.clock.now_s()))
 
-        rig.loop.need_picture_every(0.0)  # a robot that stands skips pictures that nobody needs
+        rig.loop.need_picture_every(0.0)  # while the robot stands, it would skip pictures
         rig.loop.subscribe(note)
         page.goto(address + "/eye")
         wait_until(lambda: len(frames) >= 12, "its pictures are the robot's")
@@ -96,7 +96,7 @@ def test_a_phone_as_the_eye_reports_a_covered_lens_and_its_stop_is_obeyed(tmp_pa
         page.locator("#said[data-level=bad]").wait_for()
 
         def is_released() -> bool:
-            # The press was also sent by a request, which may arrive after a release.
+            # The press was also sent by a request, which may arrive after the release.
             rig.loop.release_emergency().result(60)
             return bool(page.locator("#said[data-level=good]").is_visible())
 

@@ -1,7 +1,7 @@
 """The drive screen does not move, whatever message it shows, at any size and in any language.
 
 STOP is completely on the screen and on top, no control moves, no texts overlap, and no tap hits a
-control that was not there when the finger set out. `make test` measures each size once, in one
+control that appeared after the finger had aimed. `make test` measures each size once, in one
 language; at full size each is measured in every language. DRIVELESSON_SIZES=all measures a grid of
 sizes in every language, each with another size of text.
 """
@@ -32,8 +32,7 @@ SIZES = [
     *((600, 520), (768, 1024), (1024, 600), (1280, 800)),
 ]
 ROOMY = ("360x640", "390x844", "844x390", "768x1024", "1024x600", "1280x800")
-"""At this size every sentence has enough space; at other sizes a person has to scroll some
-sentences."""
+"""A size at which every sentence fits; at other sizes some sentences have to be scrolled."""
 _WIDTHS = (280, 320, 345, 369, 390, 430, 480, 540, 653, 700, 768, 900, 1024, 1280)
 _HEIGHTS = (480, 520, 568, 640, 701, 765, 844, 1024, 1280)
 GRID = sorted({(w, h) for a, b in product(_WIDTHS, _HEIGHTS) for w, h in ((a, b), (b, a))})
@@ -61,10 +60,10 @@ def standing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
 def test_the_drive_screen_holds_still(
     chromium: Any, standing: World, language: str, moves: str
 ) -> None:
-    # The celebration's jump is not measured, because the figure is not a control.
+    # The jump of the celebrating figure does not count, because the figure is not a control.
     context = in_language(chromium, language)
     page = open_page(context, standing.address)
-    # with this field the page fetches the sentences of studies
+    # makes the page fetch the sentences of studies
     for screen in ("study", "challenge", "drive"):
         show(page, screen)
     words = sentences(language)
@@ -128,7 +127,7 @@ WRONGLY_HIT = """(n) => {
 
 
 def test_no_moves_label_covers_another_move(chromium: Any, standing: World) -> None:
-    """A finger on this page would drive the robot of the file's other tests."""
+    """The page has a robot of its own, because its finger drives."""
     context = in_language(chromium, "en")
     page = open_page(context, standing.address)
     for size in (PHONE, LANDSCAPE, {"width": 320, "height": 568}):

@@ -1,5 +1,4 @@
-"""The page is never blank: a sentence and a working STOP are shown, whichever file does not
-arrive."""
+"""Whichever file does not arrive, the page shows a sentence and a working STOP."""
 
 from __future__ import annotations
 
@@ -92,7 +91,7 @@ def test_a_page_older_than_its_robot_opens_every_screen(context: Any, world: Wor
         route.continue_()
 
     context.route(world.address + "/", renew)
-    # An updated robot has only the files that its own page requests.
+    # An updated robot has only the files of its own page, not those of older pages.
     context.route(SCREENS, lambda route: route.continue_() if opened else route.fulfill(status=404))
     page.evaluate("location.hash = 'settings'")
     page.get_by_label("Language").wait_for(timeout=60_000)

@@ -1,5 +1,4 @@
-"""The whole loop works in Firefox and WebKit: open the page, teach, let the robot drive, stop
-it."""
+"""In Firefox and WebKit, a person can teach the robot, let it drive, and stop it."""
 
 from __future__ import annotations
 

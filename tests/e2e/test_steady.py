@@ -1,4 +1,4 @@
-"""Nothing moves under a finger: a late answer of the robot moves no button that is already shown.
+"""A late answer of the robot moves no button that is already shown.
 
 If a button moved, a finger on its way to "Save" would tap on something that arrived above it.
 """
@@ -94,7 +94,7 @@ def test_a_recording_opens_and_is_named_without_moving_a_button(
 ) -> None:
     page, episodes = rovers_phone, shelf.persistence.part(Recordings).episodes
     [episode_id] = episodes.ids()
-    episodes.set_title(episode_id, "Kitchen")  # as high as the recording's name
+    episodes.set_title(episode_id, "Kitchen")  # a title as high as the recording's name
     page.evaluate(HOLD)
     page.evaluate("location.hash = 'home'")
     page.wait_for_selector("home-screen", state="attached")
@@ -119,8 +119,7 @@ def test_a_screen_is_shown_even_if_the_robot_does_not_answer(rovers_phone: Any) 
 
 
 def test_the_map_moves_no_button_when_it_comes(chromium: Any, world: World) -> None:
-    """The page fetches the map's file after the first picture, when a hand may be on its way to the
-    pad."""
+    """The page loads the map's file after the first picture, when a finger may already aim."""
     context = new_context(chromium, DESKTOP)
     on_its_way: list[Any] = []
     context.route("**/*-screens.js", lambda route: on_its_way.append(route))

@@ -1,4 +1,4 @@
-"""STOP cannot be covered or missed: on every screen, in every form, under every finger."""
+"""STOP works on every screen and under every finger, and nothing covers it."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ COVERINGS = """async (text) => {
 
 @pytest.fixture(scope="module")
 def untouched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    """A robot that nobody drives or stops, so that no message of its own covers a toast."""
+    """A robot that nobody drives or stops, so that no other message hides a toast."""
     with running_world(tmp_path_factory.mktemp("untouched"), world="office") as running:
         yield running
 
@@ -154,7 +154,7 @@ def test_stop_is_pressed_in_every_way(
     for name in list(WAYS)[:4] if is_touch else list(WAYS)[4:]:
         page = rovers_page(viewport)
         fingers = Fingers(page)
-        # this setting holds for the next page, too
+        # the next page has this setting, too
         steer_by(page, "stick" if "stick" in name else "moves")
         if "slides" in name:
             choose(page, rover, Mode.TRAIN)

@@ -1,8 +1,7 @@
-"""A scripted participant goes through a study on the page, from consent to the last answer, which
-yields the table.
+"""A scripted participant completes a study on the page, from the consent to the table.
 
-The participant drives with a hand on the glass. However slow the machine is, a phase of teaching
-hardly advances before the robot was taught enough, and then runs faster than planned.
+The participant drives by touch. The clock of a teaching phase nearly stands still until the robot
+has enough examples, and then runs faster than planned, so that a slow machine also passes.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from .world import World
 
 @pytest.fixture
 def frame_rate_hz() -> float:
-    """A higher rate, so that each phase teaches enough in little time."""
+    """A higher frame rate, so that each phase teaches enough in little time."""
     return 10.0
 
 
@@ -139,7 +138,7 @@ def a_plan_is_refused_mended_and_made(page: Any, plan: Path) -> None:
             page.get_by_label("My plan").set_input_files(plan)
         else:
             plan.write_text(content)
-            os.utime(plan, (0, 0))  # browsers compare whole seconds
+            os.utime(plan, (0, 0))  # browsers compare modification times in whole seconds
         page.get_by_role("button", name="Make the study").click()
         page.locator(".refusal").filter(has_text=refusal).wait_for()
     page.get_by_label("My plan").set_input_files(plan)
@@ -221,7 +220,7 @@ def the_result_is_drawn(page: Any) -> None:
 
 
 def it_fits_and_is_accessible(page: Any) -> None:
-    """Check the current screen of the study, with everything open, at several sizes."""
+    """Check the layout of the current screen, with all parts open, at several sizes."""
     page.locator("study-screen button, study-screen a.button").first.wait_for()
     for summary in page.locator("study-screen details:not([open]) summary").all():
         summary.click()

@@ -1,5 +1,4 @@
-"""One journey over the screens on which the page shows what the learner has learned, and changes
-it."""
+"""The screens that show what the learner has learned, and change it, work one after the other."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ SHOWN = """async () => {
   }
   return shown;
 }"""
-"""The bytes of each image in the gallery, as the browser has cached them."""
+"""The bytes of each image in the gallery, from the browser's cache."""
 
 
 def teach(page: Any, world: World, *moves: str, frames_each: int = 15) -> None:

@@ -1,4 +1,4 @@
-"""Each way of driving drives the simulated robot; each way of letting go stops it."""
+"""Each kind of input drives the simulated robot, and each kind of release stops it."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_finger_slides_and_two_fingers_are_one_direction(phone: Any, world: Wo
 
 
 def _slides_without_a_stop(phone: Any, world: World) -> bool:
-    """Slide one finger and press a second one; return False if a busy machine stopped the robot."""
+    """Slide a finger and press a second one; return False if a busy machine stopped the robot."""
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
     hold_until(world, fingers, "forward", lambda: world.action is Action.FORWARD)
@@ -90,8 +90,9 @@ def test_enter_holds_a_focused_button_for_as_long_as_it_is_down(desktop: Any, wo
     down, up = (partial(key, "Enter") for key in (desktop.keyboard.down, desktop.keyboard.up))
     press_until(desktop, world, down, up, lambda: world.action is Action.LEFT)
     desktop.evaluate(NOTE_SAID)
-    desktop.evaluate("document.querySelector('app-bar').page.follow = () => {}")  # stops, if busy
-    for _ in range(4):  # as a keyboard repeats it
+    # otherwise a busy machine could stop the robot
+    desktop.evaluate("document.querySelector('app-bar').page.follow = () => {}")
+    for _ in range(4):  # like a keyboard that repeats the key
         down()
         desktop.wait_for_timeout(40)
     up()
@@ -135,7 +136,7 @@ LETTING_GO: dict[str, tuple[str, Callable[[Any, Fingers], None]]] = {
 }
 """The ways in which a hold ends, each with the event in which the page reports it."""
 OWN = ("the finger is lifted", "the touch is cancelled", "the screen turns")
-"""The ends that buttons and the stick handle in their own code; the page handles all other ends."""
+"""The ends of a hold that buttons and the stick handle themselves; the page handles the others."""
 NOTE_SAID = """() => {
   window.said = [];
   const { connection } = document.querySelector('app-bar').page;
@@ -168,7 +169,7 @@ def test_every_way_of_letting_go_stops_the_robot(
         let_go(phone, fingers)
         wait_until(lambda: world.action is Action.STOP, name)
         if not event:
-            phone = None  # it was left
+            phone = None  # the next way needs a new page
             continue
         said = phone.evaluate("said.filter(([held], i) => !held && (!i || said[i - 1][0]))")
         assert said == [[None, event]], f"{name}: the page lets go once and holds no more"
@@ -188,7 +189,7 @@ def what_is_still_held_must_be_held_anew(
         phone.wait_for_timeout(600)  # two presses of STOP within half a second count as one
     choose(phone, world, Mode.TRAIN)
     if "slides off" not in name:
-        for at in ((0.1, 0.1), (0.0, 0.0), (-0.8, 0.1)):  # as a finger that lies on the button does
+        for at in ((0.1, 0.1), (0.0, 0.0), (-0.8, 0.1)):  # a finger rests on the button
             fingers.slide(pad("left") if by == "moves" else stick(), at=at)
     phone.wait_for_timeout(200)
     assert phone.evaluate("said.at(-1)[0]") is None, f"{name}: held without a new touch"
@@ -205,7 +206,7 @@ def test_a_stick_steers_as_far_as_it_is_pushed_and_the_picture_shows_it(
     fingers, wanted = Fingers(phone), world.lessons + 8
 
     def hold(at: Way, until: Callable[[], bool]) -> None:
-        """Move the thumb there, and again after each stop of a busy machine."""
+        """Move the thumb there, and again after each stop that a busy machine causes."""
 
         def put() -> None:
             (fingers.press if fingers.are_lifted else fingers.slide)(stick(), at=at)
@@ -268,7 +269,7 @@ def test_a_game_pad_drives_until_it_is_unplugged_and_its_button_stops(
 
     def push() -> None:
         rest()
-        desktop.wait_for_timeout(200)  # a stick counts once it has rested
+        desktop.wait_for_timeout(200)  # a stick works once it has been at rest
         ahead()
 
     press_until(desktop, world, push, rest, lambda: world.action is Action.FORWARD)
@@ -278,7 +279,7 @@ def test_a_game_pad_drives_until_it_is_unplugged_and_its_button_stops(
     desktop.wait_for_timeout(200)
     desktop.evaluate("plug(1, [0, 0, 0, 0], 1)")
     wait_until(lambda: world.rig.loop.state.emergency, "its button stops")
-    desktop.reload()  # without pads
+    desktop.reload()  # removes the gamepads
 
 
 def test_modes_are_chosen_while_another_finger_holds(phone: Any, world: World) -> None:
@@ -340,7 +341,7 @@ def test_a_robot_that_drives_itself_stops_when_its_page_is_hidden(phone: Any, wo
     phone.evaluate(SET_HIDDEN, True)
     wait_until_standing(world)
     assert "out of sight" in phone.locator(".notice").inner_text()
-    phone.reload()  # the page is visible again
+    phone.reload()
 
 
 def test_arrows_move_between_modes_and_drive_nothing_and_space_keeps_the_focus(
