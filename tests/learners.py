@@ -1,4 +1,4 @@
-"""The learners to test: extensions add some, and may be removed."""
+"""The learners to test, some of which belong to extensions that may be removed."""
 
 from robot.policy.registry import is_learner_kind, split_name
 

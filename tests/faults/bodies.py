@@ -1,7 +1,7 @@
 """Measures how each body reacts when its server is gone, in virtual time, for the last columns of
 the table of faults.
 
-Only the body itself is tested, because nothing can send it orders any more. Other tests kill and
+Only the body itself can still act, because nothing sends it orders any more. Other tests kill and
 freeze real processes: the server, the keeper of a Raspberry Pi's pins, and the sample firmware.
 """
 
@@ -45,8 +45,7 @@ DRIVES = 50
 """Number of drives measured for the page."""
 _STEP_S = 0.004
 _MEMORY = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
-"""A folder in memory for a brick's files, because the files of a real brick are not on a disk
-either."""
+"""A folder in memory for a brick's files, which are in memory on a real brick, too."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ class TimedBody:
 
 
 def _losing(line: Any) -> dict[str, Callable[[], None]]:
-    """Return functions that lose and regain a line with an attribute `is_lost`."""
+    """Return two functions that set and clear `is_lost` of a line."""
     return {name: partial(setattr, line, "is_lost", name == "lose") for name in ("lose", "regain")}
 
 
@@ -186,8 +185,8 @@ def _ros(seed: int) -> Iterator[TimedBody]:
 
 
 def unplug_motors(driver: Ev3Driver, brick: FakeBrick, *sides: int) -> None:
-    """Unplug the left (0) or right (1) motor, or both: on the brick itself, the motors' cables are
-    the line."""
+    """Unplug the left (0) or right (1) motor, or both; if the server runs on the brick, the motors'
+    cables are its line."""
     for side in sides:
         close_motor(driver, side)
         brick.unplug_motor(("outB", "outC")[side])
@@ -200,7 +199,7 @@ def _ev3(seed: int) -> Iterator[TimedBody]:
     with brick_in_memory(clock) as brick:
         driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
 
-        def unplug_one() -> None:  # the other wheel still has its order to turn
+        def unplug_one() -> None:  # the other wheel still has its order
             if "outC" in brick.motors:
                 unplug_motors(driver, brick, 1)
 
@@ -235,11 +234,11 @@ BODIES: dict[str, tuple[Callable[[int], AbstractContextManager[TimedBody]], str]
     "lego-education": (_lego_education, "the motor's timed move"),
     "ros": (_ros, "our watchdog on the robot: see [ROS 2](../howto/ros.md)"),
 }
-"""Maps each body to the function that makes it, and to what stops it."""
+"""Maps each body to the function that makes it, and to the part that stops it."""
 
 
 def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = False) -> float:
-    """Drive a body, let one fault happen at a random moment, and return when it stood.
+    """Drive a body, cause one fault at a random moment, and return the time until the body stood.
 
     A body without proportional steering drives the moves that the points count as.
 
@@ -277,7 +276,7 @@ def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = Fals
         dict(zip(FAULTS, (body.lose, body.hang_up, body.freeze), strict=True))[fault]()
         began_s, last_s = body.clock.now_s(), 0.0
         for _ in range(400):
-            # The server goes on sending, without effect.
+            # The server still sends, but without effect.
             if fault == "link lost" and chance.random() < 0.04:
                 send(meant)
             if pass_time(body, _STEP_S):

@@ -23,7 +23,7 @@ _UNWATCHED = (
     "| stops when its base stops it | only the robot's base: see [ROS 2](../howto/ros.md) |"
 )
 Cell = tuple[str, str]
-"""A fault and a mode, or a body and a fault."""
+"""The key of a cell: a fault and a mode, or a body and a fault."""
 _BY_NAME = {fault.name: fault for fault in FAULTS}
 _CELLS: list[Cell] = [
     *((name, mode) for name in _BY_NAME for mode in MODES),

@@ -44,7 +44,7 @@ class FaultWorld(ServedWorld):
         camera = FakeCamera(clock, pictures=[_PICTURE])
         super().__init__(clock, camera=camera, policy=FakePolicy())
         self.driver.takes_points = proportional
-        # All nonces have the same length in every run.
+        # Nonces have the same length in every run.
         self.hub.broadcast.nonces = NonceLedger(0.3, random.Random(1).randrange)
         self._receive, self.hub.receive = self.hub.receive, self._note
 
@@ -65,8 +65,8 @@ class FaultWorld(ServedWorld):
         await self.until(lambda: sum(self.loop.state.taught.values()) > 3)
 
     def hold(self, move: str) -> None:
-        """Have the pilot hold a move; with proportional steering, slightly different from the
-        declared point."""
+        """Have the pilot hold a move; if steering is proportional, at a point near the declared
+        one."""
         self.page.hold(move, POINTS[move] if self.driver.takes_points else None)
 
     def drives(self, move: str) -> bool:
@@ -130,7 +130,7 @@ class FaultWorld(ServedWorld):
         """
         await self.settle(plan.seed)
         await self.drive(plan.mode)
-        for fault, wait_s in plan.faults:  # a link has one fault at a time, so the last one counts
+        for fault, wait_s in plan.faults:  # a link has only one fault at a time: the last one
             await self.forward(wait_s)
             fault.begin(self)
         await self.until(self.stands, 0.5, f"{plan}: stands")
@@ -180,7 +180,7 @@ class Fault:
     reasons: tuple[str, ...]
     end: Change = lambda world: None
     counts_from: Condition | None = None
-    """The robot must stand once this condition holds; None means from the beginning."""
+    """The condition from which on the robot must stand; None means from the fault's beginning."""
     counts_from_last_message: bool = False
     """Some messages may arrive in time by chance; the robot must stand this long after the last
     one."""
@@ -188,7 +188,7 @@ class Fault:
 
     @property
     def title(self) -> str:
-        """The fault's name in the docs, which says from which moment the time counts."""
+        """The fault's name in the docs, which also says when the time begins."""
         return f"{self.name}{self.note}"
 
 

@@ -53,7 +53,7 @@ def _speak_late(world: FaultWorld) -> None:
 
 
 def _is_picture_old(world: FaultWorld) -> bool:
-    """True once the pilot sees a picture that is older than the governor allows."""
+    """True if the pilot sees a picture that is older than the governor allows."""
     frame = world.hub.broadcast.video.captured_s.get(world.page.picture or 0)
     return frame is not None and world.clock.now_s() - frame > 0.5
 

@@ -1,5 +1,4 @@
-"""Each body stands within half a second after it lost its server, whatever messages are in
-transit."""
+"""Each body stands half a second after it lost its server, whatever messages are in transit."""
 
 from __future__ import annotations
 

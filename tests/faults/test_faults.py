@@ -29,7 +29,7 @@ def test_the_robot_stops_in_time_at_any_moment_of_a_fault(name: str, mode: str, 
 
 
 def test_a_drive_is_the_same_to_the_last_digit_in_every_run() -> None:
-    """So the seed of a failure causes it again."""
+    """If a run fails, its seed must cause the same failure again."""
     fault = NAMED["the camera freezes"]
     one, other = (outcomes(fault, "autonomous", range(3)) for _ in range(2))
     assert one == other and len({outcome.stood_after_s for outcome in one}) == 3
@@ -38,7 +38,7 @@ def test_a_drive_is_the_same_to_the_last_digit_in_every_run() -> None:
 PROMPT = [fault for fault in FAULTS if not fault.counts_from and not fault.counts_from_last_message]
 PLANS = max(SEEDS, 50)
 A_WORLD = 25
-"""Number of plans that share a robot; each plan starts the robot anew."""
+"""Number of plans that share a robot; each plan begins with a restart of the robot."""
 
 
 def make_plan(seed: int) -> Plan:
@@ -71,7 +71,7 @@ ENDS = size("ENDS", 2, 10)
 
 
 async def on_wifi(world: FaultWorld, rate_hz: float, age_s: float, seed: int) -> None:
-    """Set the conditions of an ordinary drive; at its end the robot's measurements have settled."""
+    """Drive under these conditions until the robot's measurements have settled."""
     await world.settle(seed)
     world.camera.rate_hz, world.camera.age_s = rate_hz, age_s
     world.link.conditions = WIFI
@@ -85,8 +85,7 @@ def test_a_robot_drives_itself_for_ten_minutes_with_an_ordinary_phone(
     stops: list[StopReason] = []
 
     async def scenario(world: FaultWorld) -> tuple[int, float]:
-        # The slower camera is at the limit: with two of ten seeds the robot stops once in the ten
-        # minutes.
+        # The slower camera is at the limit: with two of ten seeds, one stop occurs in ten minutes.
         await on_wifi(world, rate_hz, age_s, seed=0)
         await world.drive("autonomous")
         moved_s, started_s = world.driver.moved_s, world.clock.now_s()

@@ -17,9 +17,9 @@ pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 
 
 def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:
-    """The body ends each move by itself after `ACTION_TIMEOUT_S`, as every driver's tests show.
+    """Every driver's tests show that the body itself ends each move after `ACTION_TIMEOUT_S`.
 
-    So this test only has to show that no move was sent after the freeze.
+    This test only has to show that no move is sent after the freeze.
     """
     assert ACTION_TIMEOUT_S <= 0.5
     with ServerUnderTest("drivelesson", 30.0) as subject, _pilot(subject.port) as pilot:
@@ -34,8 +34,7 @@ def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None
             notes = subject.ask()
             assert notes["moved_s"] < resumed_s, "a move was sent after the freeze"
             assert notes["mode"] == "stopped"
-            # either the loop's late tick or the waiting messages stop the robot, depending on which
-            # thread runs first
+            # the loop's late tick or the waiting messages stop the robot, whichever comes first
             assert notes["stop_reason"] in ("loop_fault", "link_slow")
 
 

@@ -35,8 +35,8 @@ def described_routes(spec: dict[str, Any]) -> list[Described]:
 
 
 def readable_addresses(client: httpx.Client, *names: str) -> Iterator[str]:
-    """Yield every address of a finite GET request. Its first parameter is each of these names, and
-    of those that the server lists; the others are "1"."""
+    """Yield every address of a finite GET request. The first parameter takes each of these names
+    and of the server's names; all other parameters are "1"."""
     listed = client.get("/api/episodes").text + client.get("/api/models").text
     named = sorted({"1", *names, *re.findall(r'"(?:id|name)":\s*"([\w-]+)"', listed)})
     for route in described_routes(client.get("/openapi.json").json()):

@@ -14,7 +14,7 @@ from server.persistence import Persistence
 
 
 class Disk:
-    """Counts the calls that change a folder; one of them, or all from it on, can fail.
+    """Counts the calls that change a folder; one of them, or all from a given one on, can fail.
 
     Attributes:
         calls: Number of calls since `fail` was called.
@@ -54,7 +54,7 @@ class Disk:
             real = getattr(module, name)
 
             def call(path: Any, *args: Any, **named: Any) -> Any:
-                is_there = name == "mkdir" and Path(path).is_dir()  # nothing changes
+                is_there = name == "mkdir" and Path(path).is_dir()  # this call changes nothing
                 if not isinstance(path, int) and not is_there and writes(*args, *named.values()):
                     self.count(path)
                 return real(path, *args, **named)

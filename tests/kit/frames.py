@@ -45,14 +45,14 @@ def frame_of(pixels: NDArray[Any], frame_id: int = 1, captured_s: float = 0.0) -
 
 
 def grey_jpeg(index: int) -> bytes:
-    """Return a JPEG of the size of the cameras, with another grey value for each index."""
+    """Return a JPEG of the size of the cameras, whose grey value depends on the index."""
     grey = np.full((120, 160, 3), 7 * index % 256, np.uint8)
     return cv2.imencode(".jpg", grey)[1].tobytes()
 
 
 @functools.cache
 def noisy_blocks(scene: int, noise: int = 0) -> NDArray[np.uint8]:
-    """Return a noisy grey scene, shape (120, 160, 3); each number has another scene."""
+    """Return a noisy grey scene, shape (120, 160, 3), which depends on the number."""
     blocks = np.random.default_rng(scene).integers(0, 200, (12, 16))
     pixels = np.kron(blocks, np.ones((10, 10)))[:, :, None].repeat(3, axis=2)
     seen = np.random.default_rng(1000 + noise).integers(0, 20, pixels.shape)

@@ -23,7 +23,7 @@ async def stop_accepting(server: Any) -> None:
 
 
 class LoopThread:
-    """An event loop on a separate thread; its servers (asyncio or websockets) end with it."""
+    """An event loop on a separate thread; its servers (asyncio or websockets) end with the loop."""
 
     def __init__(self) -> None:
         self.event_loop = asyncio.new_event_loop()

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def missing(what: str, how: str) -> NoReturn:
-    """Skip the test and show why, or in CI let it fail."""
+    """Skip the test and show why; in CI, the test fails instead."""
     if os.environ.get("CI") == "true":
         pytest.fail(f"CI needs {what}: {how}")
     pytest.skip(f"{what.upper()} IS MISSING: {how}")

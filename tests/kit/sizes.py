@@ -12,7 +12,7 @@ import pytest
 IS_FULL = os.environ.get("DRIVELESSON_FULL") == "1"
 """True if every combination and every size is run."""
 
-only_full = pytest.mark.skipif(not IS_FULL, reason="takes long: run with DRIVELESSON_FULL=1")
+only_full = pytest.mark.skipif(not IS_FULL, reason="takes long: needs DRIVELESSON_FULL=1")
 
 
 def size(name: str, small: int, full: int) -> int:
@@ -21,7 +21,7 @@ def size(name: str, small: int, full: int) -> int:
     Args:
         name: In capitals, as in the environment.
         small: The size in `make test`.
-        full: In CI.
+        full: The size with `DRIVELESSON_FULL=1`.
     """
     return int(os.environ.get(f"DRIVELESSON_{name}", full if IS_FULL else small))
 

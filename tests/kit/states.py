@@ -7,5 +7,5 @@ from robot.store.models.model import same_nodes
 
 
 def same_state(one: State, two: State) -> bool:
-    """True if two learners are equal bit for bit in everything, not only in their images."""
+    """True if the complete states of two learners are equal, bit for bit, not only their images."""
     return one.params == two.params and same_nodes(one, two)

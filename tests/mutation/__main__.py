@@ -57,8 +57,8 @@ _LIBRARIES = (
     *("httpx", "rich.traceback", "cryptography.x509", "anyio.pytest_plugin", "xdist.plugin"),
 )
 _PATIENCE, _PATIENCE_S = 3, 120
-"""A mutant hangs, which counts as noticed, if the tests take this many times the CPU time that they
-take without a fault, or if one test takes this many seconds."""
+"""Limits at which a mutant counts as hanging, and so as noticed: a multiple of the tests' CPU time
+without a fault, and the seconds of one test."""
 _UNUSED = 99
 """Exit status of a run in which no test imported the mutant, so that the run says nothing about the
 tests."""
@@ -74,7 +74,7 @@ def main() -> int:
         type=_lines,
         default=range(1, sys.maxsize),
         metavar="FIRST-LAST",
-        help="only faults in these lines: a run in parts, or once more where one survived",
+        help="inject faults only in these lines",
     )
     args = parser.parse_args()
     os.chdir(ROOT)
@@ -91,12 +91,12 @@ def _lines(text: str) -> range:
 
 
 def report(name: str, jobs: int, lines: range) -> None:
-    """Print the surviving mutants of one module, each at once, and the score at the end."""
+    """Print each surviving mutant of a module as soon as it is known, and the score at the end."""
     path = ROOT / (name.replace(".", "/") + ".py")
     everyone = [mutant for mutant in mutants(path.read_text()) if mutant.line in lines]
     started_s, before = time.monotonic(), os.times()
     if not _survives(name, path, None):
-        sys.exit(f"the tests of {name} fail without any fault put in")
+        sys.exit(f"the tests of {name} fail without an injected fault")
     most_cpu_s = 10.0 + _PATIENCE * (sum(os.times()[2:4]) - sum(before[2:4]))
     killed = 0
     with ThreadPoolExecutor(jobs) as pool:
@@ -128,7 +128,7 @@ def _survives(name: str, path: Path, mutant: Mutant | None, most_cpu_s: float = 
             words = ["-q", "-x", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestWarning"]
             # pytest's own finder, which rewrites asserts, comes first and would load the original.
             words += ["--assert=plain", f"--timeout={_PATIENCE_S}"]
-            # One after the other, because most mutants are noticed before all are imported.
+            # One file after the other: most mutants are noticed before all files are imported.
             paths = [f"tests/{one}" for one in SUBJECTS[name].split()]
             tests = (path if Path(path).is_dir() else f"{path}.py" for path in paths)
             status = next(filter(None, (int(pytest.main([*words, one])) for one in tests)), 0)

@@ -1,5 +1,4 @@
-"""For `make test-oldest`: gives the tests a new websocket client although the server's library is
-old.
+"""Gives the tests of `make test-oldest` a new websocket client; the server's library stays old.
 
 The tests use `websockets.sync` and `websockets.asyncio`, which websockets 10.4 lacks. A copy of a
 newer release is installed as `newer_websockets`, and only the tests see it.

@@ -17,11 +17,11 @@ COMMANDS = {
     "pytest": "import pytest; sys.exit(pytest.main())",
     "pip": "from pip._internal.cli.main import main; sys.exit(main())",
 }
-# A third party has none of our pytest plugins. The build tools are already installed here, and pip
+# A third party has none of our pytest plugins. The build tools are already installed here; pip only
 # checks that they meet the package's requirements.
 _QUIET = {
     "PIP_DISABLE_PIP_VERSION_CHECK": "1",
-    "PIP_NO_BUILD_ISOLATION": "0",  # pip means: none
+    "PIP_NO_BUILD_ISOLATION": "0",  # for pip, 0 means no build isolation
     "PIP_CHECK_BUILD_DEPENDENCIES": "1",
     "PYTEST_ADDOPTS": "-p no:anyio",
 }

@@ -62,7 +62,7 @@ def check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit: Any, mo
             ):
                 driver.send_action(Action.FORWARD)
             driver.send_action(Action.STOP)
-            body.is_armed = True  # switched by its owner; the next heartbeat reports this
+            body.is_armed = True  # the owner switches the mode; the next heartbeat reports it
             wait_until(lambda: driver.sense() and driver.device == "ArduPilot, armed")
             driver.send_action(Action.FORWARD)
             wait_until(lambda: body.drives().throttle > 0)

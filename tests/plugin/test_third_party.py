@@ -1,6 +1,6 @@
-"""Follows docs/howto/write-a-driver.md literally: makes, installs, serves and teaches a third-party
-robot. Recordings and exports of a robot's own moves are tested in tests/robot/recordings and
-tests/robot/exchange."""
+"""Follows docs/howto/write-a-driver.md literally: makes, installs, serves and teaches a new robot.
+tests/robot/recordings and tests/robot/exchange test recordings and exports of a robot's own moves.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_no_existing_folder_or_robot_is_overwritten(
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)  # virtual environments on a busy machine
+@pytest.mark.timeout(600)  # a busy machine needs long for virtual environments
 @pytest.mark.realtime
 def test_the_howto_works_as_written_and_its_robot_is_served_and_taught(tmp_path: Path) -> None:
     environment = OwnEnvironment(tmp_path / "venv")

@@ -25,7 +25,7 @@ from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Point
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoOptions:
-    """Has no options."""
+    """The camera has no options."""
 
 
 class BenchCamera(Camera):
@@ -72,7 +72,7 @@ class BenchCamera(Camera):
 
 
 class BenchDriver(FakeDriver):
-    """Records its orders and what it shows; a test can make it fail."""
+    """Records its orders and displayed modes; a test can make the body fail."""
 
     name: ClassVar[str] = "bench"
     default_camera: ClassVar[str] = "bench"

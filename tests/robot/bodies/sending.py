@@ -13,8 +13,7 @@ from robot.types import Action
 
 
 def error_while_driving(driver: Driver, within_s: float = 60.0, but: str = "") -> str:
-    """Drive as the loop does; return the first error whose text does not contain `but`, or an empty
-    text."""
+    """Drive like the loop; return the first error that does not contain `but`, or an empty text."""
     end_s = time.monotonic() + within_s
     while time.monotonic() < end_s:
         try:
@@ -43,4 +42,4 @@ def send_until(
             continue
         if is_obeyed():
             return
-    pytest.fail(f"it never obeyed {move}")
+    pytest.fail(f"the body never obeyed {move}")

@@ -1,5 +1,4 @@
-"""The pictures and the error messages of the cameras of a phone, of a Raspberry Pi and of
-OpenCV."""
+"""The pictures and error messages of the cameras of a phone, a Raspberry Pi and OpenCV."""
 
 from __future__ import annotations
 

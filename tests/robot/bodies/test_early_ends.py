@@ -1,5 +1,4 @@
-"""The program counts its ends just after the motors started, but no updates and no power cuts at
-rest."""
+"""The program counts ends just after the motors have started, but not updates or ends at rest."""
 
 from __future__ import annotations
 
@@ -21,7 +20,7 @@ def tick(now_s: float, mode: Mode, sent: Action = Action.STOP) -> Tick:
 
 
 def run(file: Path, *, drives_s: float | None, ends_well: bool) -> EarlyEnds:
-    """Start the program, drive for this time (None: not at all), and end."""
+    """Start the program, drive for this time (None means not at all), and end the program."""
     ends = EarlyEnds(file)
     ends.note(tick(0.0, Mode.STOPPED))
     if drives_s is not None:

@@ -24,7 +24,7 @@ from tests.kit.run import run
 
 ROOT = Path(__file__).parents[4]
 GUEST_BASE = 1 << 40
-"""Address of the guest's 4 GB in the emulator's own memory, by which its pages are recognised."""
+"""Address of the guest's 4 GB in the emulator's memory, which identifies the guest's pages."""
 
 
 class Armel:
@@ -88,7 +88,7 @@ class Armel:
             hex(GUEST_BASE),
         ]
         emulator += [*(plugin if counting else []), "/usr/bin/python3", "-OO", *args]
-        # In a separate mount namespace, so that nothing stays mounted in any case.
+        # A separate mount namespace, in which nothing can stay mounted.
         script = (
             'mount -t proc proc "$0/proc" && mount --rbind /dev "$0/dev" && '
             'exec /usr/sbin/chroot "$0" "$@"'
@@ -120,4 +120,4 @@ def guest_memory_mb(pid: int) -> dict[str, float]:
 def _skip(why: str) -> None:
     if os.environ.get("DRIVELESSON_BRICK"):
         raise RuntimeError(f"the brick's tests are required here, but {why}")
-    pytest.skip(f"no emulated brick: {why}")
+    pytest.skip(f"there is no emulated brick: {why}")

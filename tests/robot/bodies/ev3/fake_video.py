@@ -22,7 +22,7 @@ def _library() -> Path:
     """Build the preload library, once in a process."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
-        pytest.skip("no C compiler, so no made-up camera")
+        pytest.skip("the simulated camera needs a C compiler")
     folder = tempfile.mkdtemp()
     atexit.register(shutil.rmtree, folder)
     library, source = Path(folder) / "fake_video.so", Path(__file__).with_name("fake_video.c")

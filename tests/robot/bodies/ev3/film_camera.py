@@ -73,14 +73,14 @@ class FilmCamera(Camera):
         return 0.095 + 0.05 * (self._shown % 6) / 5
 
     def _say_what_is_imported(self) -> None:
-        """Reports from inside the serving process, each time the film ends."""
+        """Write the imported modules of the serving process to a file, each time the film ends."""
         said = Path(self._options.film).with_suffix(".modules")
         said.with_suffix(".new").write_text("\n".join(_really_imported()))
         said.with_suffix(".new").rename(said)
 
 
 def _really_imported() -> list[str]:
-    """Names of modules, except replaced modules, and postponed modules that were never used."""
+    """Return the imported modules without replaced ones and unused postponed ones."""
     return sorted(
         name
         for name, module in list(sys.modules.items())

@@ -135,7 +135,7 @@ def test_a_caller_that_does_not_authenticate_in_time_is_disconnected(
     line.settimeout(5)
     began_s = brick.clock.now_s()
     for byte in wire.pack_json({"do": "join", "nonce": "a" * 32, "proof": "b"})[:8]:
-        line.sendall(bytes([byte]))  # sending a byte from time to time does not keep the connection
+        line.sendall(bytes([byte]))  # single bytes do not keep it open
         brick.clock.sleep(0.1)
     while line.recv(1024):
         pass

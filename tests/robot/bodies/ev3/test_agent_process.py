@@ -97,8 +97,7 @@ def memory_kb(pid: int) -> int:
 
 
 def n_sockets(pid: int) -> int:
-    """Count only the process's sockets, because files of motors and sensors are open for
-    moments."""
+    """Count only sockets, because the files of motors and sensors are open only for moments."""
     count = 0
     for link in Path(f"/proc/{pid}/fd").iterdir():
         with suppress(OSError):  # closed meanwhile
@@ -117,7 +116,7 @@ def gets_in(driver: Ev3RemoteDriver) -> bool:
 def test_a_real_agent_drives_shows_pictures_and_withstands_a_flood(
     real_brick: FakeBrick, tmp_path: Path
 ) -> None:
-    """A thousand callers stay silent, and twelve announce and send messages of 4 MB."""
+    """A thousand callers stay silent; twelve others announce messages of 4 MB, and send them."""
     video = FakeVideo(tmp_path)
     with running_agent(real_brick.root, tmp_path, video.env) as (address, pid):
         driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=address, brick_secret=SECRET))

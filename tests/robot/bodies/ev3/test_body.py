@@ -202,7 +202,7 @@ def test_a_sensor_that_is_unplugged_or_makes_no_contact_yet_is_reported_until_it
     with make_driver(brick) as driver:
         brick.add_sensor("in4", "lego-ev3-us", 500, decimals=1)
         file = brick.root / "sys/class/lego-sensor/sensor0" / missing
-        if not missing:  # a sensor that was read has open files, which do not vanish here
+        if not missing:  # the files of a sensor that was read stay open here
             driver.sense()
             driver._connection.sensors._ultrasonic._ports[0].close()
         there = file.rename(brick.root / "away")

@@ -179,7 +179,7 @@ def test_consent_is_asked_for(
 
 
 def masked(text: str) -> str:
-    """Only the figures differ from run to run."""
+    """Mask the figures, because they differ from run to run."""
     return re.sub(r"\b[0-9a-f]{8}\b|[0-9]+(\.[0-9]+)*", "#", text)
 
 
@@ -209,7 +209,7 @@ def test_a_sound_brick_is_reported_as_in_the_guide_and_a_busy_one_is_one_clear_l
 
 @pytest.mark.realtime
 def test_the_command_examines_a_simulated_brick(capsys: pytest.CaptureFixture[str]) -> None:
-    for _ in range(10):  # a computer that is paused for a moment loses the brick, and reports it
+    for _ in range(10):  # the doctor may report a pause of this computer
         assert main(["brick", "doctor", "--fake"]) in (0, 1), "the computer may be too slow"
         said, error = capsys.readouterr()
         if "does not answer" not in error:

@@ -52,7 +52,7 @@ def far_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def builds(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
-    """The release and mirror of each userland that is built; `make test-brick` builds real ones."""
+    """The release and mirror of each build; `make test-brick` builds real userlands."""
     made: list[tuple[str, str]] = []
 
     def build(folder: Path, release: str, mirror: str) -> None:
@@ -119,7 +119,7 @@ def test_the_brick_starts_the_agent_by_itself(
         "daemon-reload\ndisable --now drivelesson\nenable drivelesson-agent\n"
         "restart drivelesson-agent\n"
     )
-    agent_pid.unlink()  # the stand-in for systemd starts nothing
+    agent_pid.unlink()  # the stand-in for systemd starts no service
 
 
 def test_an_agent_that_cannot_start_says_why(
@@ -200,7 +200,7 @@ def test_a_packed_server_is_installed_without_building_anything(
     assert (there / "root/usr/lib/python3/this.py").is_file()
     assert (there / "packages").read_text().startswith("trixie python3 ")
     (there / "root/usr/lib/python3/this.py").unlink()
-    subprocess.run(  # without an installed Drivelesson, as the message says
+    subprocess.run(  # the command of the message must work without an installed Drivelesson
         f'ssh root@ADDRESS "$(tar -xOf {file} install)" <{file}', shell=True, check=True
     )
     assert (there / "root/usr/lib/python3/this.py").is_file()

@@ -34,7 +34,7 @@ from tests.server.live_robot import Pilot
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(1500)]
 MOST_MEMORY_MB = {"bookworm": 36.0, "trixie": 46.0}
-"""Limits by release: pydantic 2 and a newer Python need more of each second."""
+"""Limits by release: pydantic 2 and a newer Python need more instructions."""
 FRAME_RATE_HZ = 10
 SERVE = ("-m", "server.bodies.lean", "serve", "--robot", "ev3", "--brick-root")
 LEARNER = os.environ.get("DRIVELESSON_LEARNER", "integer")
@@ -112,7 +112,7 @@ def serve_on_brick() -> Iterator[Served]:
 
 
 class Watcher:
-    """Draws nothing, but acknowledges each frame, like a page."""
+    """A client that acknowledges each frame like a page, but draws nothing."""
 
     def __init__(self, address: str) -> None:
         self.frames: list[bytes] = []

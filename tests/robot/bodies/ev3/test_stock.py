@@ -92,7 +92,7 @@ def test_moves_turn_the_right_wheels_and_carry_their_time(brick: StockFirmware) 
         Action.SPIN_LEFT: (-4, 4),
         Action.SPIN_RIGHT: (4, -4),
     }
-    brick.motors[1].polarity = -1  # another program left this setting, and a turning motor
+    brick.motors[1].polarity = -1  # another program has left this setting and a turning motor
     brick.motors[2].percent, brick.motors[2].ends_s = 50, float("inf")
     with driver_for(brick) as driver:
         assert not brick.is_moving and brick.motors[1].polarity == 1
@@ -182,7 +182,7 @@ def test_a_foreign_client_drives_the_stand_in_and_sends_what_we_send() -> None:
 def test_a_connection_that_fails_while_it_is_opened_is_closed_at_once(
     monkeypatch: pytest.MonkeyPatch, line: str
 ) -> None:
-    """A brick serves one connection, so a stored error must not keep the next one out."""
+    """A brick serves one connection, so an error that is kept must not keep its connection open."""
     made: list[socket.socket] = []
 
     class Mute(socket.socket):
@@ -248,7 +248,7 @@ def test_bricks_on_usb_are_looked_for_where_linux_lists_them(tmp_path: Path) -> 
 
 
 def test_the_cable_carries_reports_of_1024_bytes() -> None:
-    """A pseudo-device in place of the cable: a socket pair keeps reports whole, as HID does."""
+    """A pseudo-device in place of the cable; its socket pair keeps each report whole, like HID."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     brick = StockFirmware()
     reports: list[bytes] = []

@@ -119,7 +119,7 @@ def test_a_broken_camera_is_noticed_within_500_ms_and_picked_up_again(
 def test_a_camera_that_was_unplugged_is_not_replaced_by_its_twin(
     video: type[BreakableVideo], serial: str
 ) -> None:
-    """tests/robot/devkit/test_cameras.py tests how cameras are told apart."""
+    """tests/robot/devkit/test_cameras.py tests the identity of cameras."""
 
     def plug(number: int, serial: str) -> None:
         path = f"/dev/video{number}"

@@ -55,7 +55,7 @@ def test_integer_features_equal_those_from_angles_and_roots(seed):
     assert x.shape == (N + 1200,) and x.dtype == np.uint8
     found, expected = x[:N].astype(float), plainly(grey).ravel()
     assert not (found % 4).any()
-    assert np.abs(found - expected).mean() < 6.0  # lengths are in steps of a half
+    assert np.abs(found - expected).mean() < 6.0  # lengths are multiples of a half
     assert np.corrcoef(found, expected)[0, 1] > 0.99
     assert np.array_equal(FEATURES.thumbnail(x), 2 * half(grey))
     assert np.array_equal(FEATURES.grey(x), half(grey)[::2, ::2].ravel())
@@ -99,7 +99,7 @@ def lessons(n, seed=0):
     labels = rng.integers(0, 3, n)
     centres = rng.integers(0, 256, (3, SIZE))
     xs = (centres[labels] + rng.integers(-80, 81, (n, SIZE))).clip(0, 255).astype(np.uint8)
-    return xs // 4 * 4, LABELS[labels]  # multiples of 4, as the features yield
+    return xs // 4 * 4, LABELS[labels]  # multiples of 4, like the features
 
 
 def taught(xs, targets, **more):
@@ -155,7 +155,7 @@ def test_comes_close_to_batch_ridge_with_few_steps_and_to_it_with_many():
 
 
 def test_many_frames_are_halved_before_they_overflow_and_the_scores_stay(monkeypatch):
-    # a lower bound: it is reached after 67 frames, not after 270,000
+    # a lower bound, which is reached after 67 instead of 270,000 frames
     monkeypatch.setattr(integer_ridge, "_FULL", 1 << 18)
     xs, targets = lessons(1000)
     ridge = taught(xs, targets)

@@ -1,4 +1,4 @@
-"""The wire protocol frames, seals and refuses messages; these tests use no sockets."""
+"""The wire protocol frames, seals and refuses messages, without sockets."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def sealed(n: int) -> list[bytes]:
 
 
 def opened(data: bytes) -> list[bytes]:
-    """Return the bodies that are accepted before the first refusal, and ValueError after them."""
+    """Return the accepted bodies; ValueError if a message is refused."""
     unpacker = wire.Unpacker(LIMITS)
     unpacker.expect_seal(wire.Seal("a secret", "controller", *NONCES), LIMITS)
     return [body for _, body in unpacker.take(data)]
@@ -46,7 +46,7 @@ def test_no_changed_bit_is_accepted(which: int, where: int, flip: int) -> None:
         accepted = opened(stream)
     except ValueError:
         return
-    # A larger length may wait for more bytes, but a changed message is never accepted.
+    # A message with a larger length may wait for more bytes, but is never accepted.
     assert accepted == [b"%d" % index for index in range(which)]
 
 

@@ -1,5 +1,4 @@
-"""Runs the real ioctl code with a simulated camera; test_v4l2.py starts this in a process that sees
-the camera."""
+"""Runs the real ioctl code with a simulated camera, in a process that test_v4l2.py starts."""
 
 from __future__ import annotations
 

@@ -21,11 +21,11 @@ ADDRESS, SECRET = "brick:8765", "a shared secret"
 _HOLDS_BYTES = 65_536
 """Maximum number of unread bytes in one direction of a connection, like a socket's buffer."""
 _TICK_S = 0.0002
-"""The duration of the agent's tick, so that a busy agent does not block others forever."""
+"""Duration of the agent's tick; without it, a busy agent would block other threads forever."""
 
 
 class Net:
-    """The agent's connections; an event on any of them wakes all who wait."""
+    """The agent's connections; an event on any connection wakes all waiting threads."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
@@ -187,8 +187,7 @@ class VirtualAgent:
         return near
 
     def cut(self) -> None:
-        """Cut all connections permanently: nobody notices, and nothing arrives any more in any
-        direction."""
+        """Cut all connections without a notice: no message arrives any more in any direction."""
         self._is_cut = True
         for near in self._dialled:
             near.is_mute = near.is_deaf = True
@@ -198,8 +197,7 @@ class VirtualAgent:
         self._is_cut = False
 
     def deafen(self, is_deaf: bool = True) -> None:
-        """Hold back all of the agent's messages, as while the computer is paused; or deliver
-        them."""
+        """Hold back the agent's messages, as while the computer is paused, or deliver them."""
         for near in self._dialled:
             near.is_deaf = is_deaf
         self.net.poke()
@@ -211,13 +209,13 @@ class VirtualAgent:
             near.close()
 
     def kill(self) -> None:
-        """End like a killed process: nothing is stopped, and the kernel closes the connections."""
+        """End like a killed process: no motor is stopped, and the kernel closes the connections."""
         self._end()
         for caller in self._agent._limiter.callers:
             caller.line.close()
 
     def start_again(self) -> None:
-        """Continue after the kill like a restarted agent, which nobody has joined."""
+        """Continue like an agent that was restarted after the kill, and that nobody has joined."""
         for caller in list(self._agent._limiter.callers):
             self._agent._drop(caller, "killed")
         self._ending.clear()

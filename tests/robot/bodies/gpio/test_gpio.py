@@ -36,7 +36,7 @@ NUMBERS = st.one_of(st.floats(-1, 1), st.floats())
 ORDERS = st.tuples(
     st.sampled_from(["stop", "dance", *CLASSIC]),
     st.integers(-10, 5000),
-    st.floats(-1, 2, allow_subnormal=False),  # half of the smallest float is 0
+    st.floats(-1, 2, allow_subnormal=False),  # half of the smallest float rounds to 0
     st.integers(0, 40),
     st.integers(-100, 1500),
     st.just(()) | st.tuples(NUMBERS, NUMBERS),
@@ -108,7 +108,7 @@ def test_each_move_ends_in_time_whatever_orders_come(
 def test_each_order_turns_the_right_motors(
     build: Build, order: str, values: tuple[float, float]
 ) -> None:
-    """A car's throttle and servo: .9 is full left and -.7 full right, so .1 is straight."""
+    """A car's throttle and servo: 0.9 is full left and -0.7 full right, so 0.1 is straight."""
     wheels, motors = made(build)
     assert [motor.value for motor in motors] == pytest.approx([0.0, 0.1 if build is CAR else 0.0])
     assert wheels.obey(order.encode(), 0).sensors.bumped is True
@@ -227,7 +227,7 @@ def _state(pid: int) -> bytes:
 def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> None:
     with driver_for(notes) as driver:
         stays = keeper_pid(driver)
-        for quiet in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):  # as systemd ends a service
+        for quiet in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):  # the keeper ignores them
             os.kill(stays, quiet)
         send_until(driver, Action.FORWARD, lambda: pins(notes)["GPIO17"] == 0.6)
         assert keeper_pid(driver) == stays

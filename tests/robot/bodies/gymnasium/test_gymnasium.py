@@ -1,5 +1,4 @@
-"""Gymnasium environments as robots, with moves, pictures and games in every form; an environment
-waits for the loop."""
+"""Gymnasium environments as robots, with every form of moves, pictures and games."""
 
 from __future__ import annotations
 
@@ -151,7 +150,7 @@ def test_impossible_options_are_refused_with_their_reason(
 
 
 def test_a_car_that_races_is_steered_proportionally() -> None:
-    pytest.importorskip("Box2D", reason="the extra has it")
+    pytest.importorskip("Box2D", reason="NOT TESTED: Box2D is not installed")
     body = GymnasiumDriver(GymnasiumOptions())
     assert body.takes_points and body._action_at is not None
     for point, action, move in (
@@ -226,7 +225,7 @@ def test_time_passes_only_during_a_move_and_a_new_game_follows_the_last() -> Non
 def test_a_game_that_ends_in_black_shows_the_picture_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """ViZDoom's last observation of a game is all zeros. The array is the same at each step."""
+    """ViZDoom's last observation of a game has only zeros. All steps return the same array."""
     array = np.zeros((40, 84, 3), np.uint8)
 
     def see(line: Line) -> Any:
@@ -254,7 +253,7 @@ def test_a_game_that_ends_in_black_shows_the_picture_before(
 
 
 def test_a_slow_computer_neither_stops_the_robot_nor_misses_a_step() -> None:
-    """Each tick of the loop takes 0.45 s."""
+    """The environment advances only with the loop's ticks, each of which takes 0.45 s."""
     clock, body, seen = VirtualClock(), driver(), list[int]()
     camera = GymnasiumCamera(body, GymnasiumCameraOptions(), clock)
     loop = ControlLoop(body, camera, make_policy("knn-1", body.moves), clock)
@@ -310,7 +309,7 @@ def test_a_slow_environment_does_not_stop_the_robot(
         assert (server.rig.loop.state.frame_id or 0) - steps <= 6, "without a pilot the robot stops"
 
 
-# Environments as other people write them ---------------------------------------------------------
+# Third-party environments ---------------------------------------------------------
 
 
 @crossed(behaviour=BEHAVIOURS, reward=REWARDS)

@@ -69,7 +69,7 @@ def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> Non
         with pytest.raises(DriveError, match="the double motor has sent nothing"):
             driver.send_action(Action.FORWARD)
         motor.is_in_reach = True
-        motor.end_state = 3  # another program has used the motor meanwhile
+        motor.end_state = 3  # another program has used the motor in between
 
         def drives() -> bool:
             try:

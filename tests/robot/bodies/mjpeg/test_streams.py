@@ -1,4 +1,4 @@
-"""Whatever stream a camera writes, the page shows a picture or a true sentence, never nothing."""
+"""Whatever stream a camera sends, the page shows its pictures or a true sentence."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ class FakeSocket(io.RawIOBase):
 def watch(
     *answers: bytes, stalls: bool = False, source: str = SOURCE, size: int = 1460
 ) -> tuple[list[Any], str, list[bytes]]:
-    """Run a camera over a server's answers to each request; return what it showed, reported and
-    requested."""
+    """Run a camera with a server's answers to its requests; return its pictures, reports and
+    requests."""
     clock, shown = VirtualClock(), []
     sockets: list[FakeSocket] = []
     camera = MjpegCamera(MjpegOptions(source=source), clock)
@@ -221,7 +221,7 @@ def moved(place: str) -> bytes:
     [
         ("/new", b"GET /new ", True),
         ("http://CAMERA.local:80/new", b"GET /new ", True),
-        ("/k\u0105che", b"GET /k%C4%85che ", True),  # a byte of ā is a line end in Latin-1
+        ("/k\u0105che", b"GET /k%C4%85che ", True),  # one byte of ā is a line end in Latin-1
         ("http://other.local:81/new", b"Host: other.local:81", False),
     ],
 )

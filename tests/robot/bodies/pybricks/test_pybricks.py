@@ -41,7 +41,7 @@ def moved(hub: FakeHub) -> list[tuple[str, float, int]]:
 
 
 class Typist:
-    """A relay that writes lines to the hub's program without the driver."""
+    """Writes lines to the hub's program without the driver."""
 
     def __init__(self, hub: FakeHub) -> None:
         self.hub, self.seq = hub, 0
@@ -57,8 +57,7 @@ class Typist:
         return int(self.hub.reports[-1].split()[1])
 
     def drive(self, text: str) -> None:
-        """Order a move with the current time; repeat the order if a busy machine delivered it
-        late."""
+        """Order a move with the current time, again if a busy machine delivered the order late."""
         before = len(moved(self.hub))
         while len(moved(self.hub)) == before:
             self.seq += 1
@@ -67,7 +66,7 @@ class Typist:
 
 @pytest.mark.realtime
 def test_a_hub_is_driven_again_after_it_hung_or_was_lost(hub: FakeHub) -> None:
-    """One hub is used for the whole test: its program runs until somebody ends it."""
+    """The whole test uses one hub, whose program runs until somebody ends it."""
     assert len(PROGRAM.read_text().splitlines()) <= 80, "the program fits on one page"
     a_hub_that_is_missing_or_runs_another_program_is_told(hub)
     driver = driver_for(hub)
@@ -122,7 +121,7 @@ def a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub: FakeHub) -> No
         hub.told.clear()
         hub.send_signal(signal.SIGCONT)
         send_until(driver)
-    # The delayed orders came at least 500 ms late, so only later orders moved anything.
+    # The delayed orders came at least 500 ms late, so only later orders had an effect.
     assert len(moved(hub)) <= 2 * 3
 
 

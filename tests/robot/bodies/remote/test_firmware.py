@@ -27,7 +27,7 @@ def driver_for(robot: FirmwareRobot, secret: str = SECRET) -> UdpDriver:
 
 
 class Sender:
-    """A client that sends orders which the driver would never send, and reads the reports."""
+    """A client that sends orders that the driver would never send, and reads the reports."""
 
     def __init__(self, robot: FirmwareRobot) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -71,7 +71,7 @@ NONSENSE: tuple[dict[str, Any], ...] = ({"speed": "x"}, {"move": 7}, {"for_ms": 
 
 @pytest.mark.realtime
 def test_the_sample_firmware_drives_and_stops_after_every_fault_and_attack() -> None:
-    """One robot is used for the whole test."""
+    """The whole test uses one robot, because starting another one takes long."""
     with FirmwareRobot() as robot:
         a_wrong_secret_moves_nothing_and_is_told(robot)
         driver = driver_for(robot)
@@ -111,7 +111,7 @@ def replayed_forged_and_late_orders_move_nothing(robot: FirmwareRobot, sender: S
     assert sender.ask(order)["seq"] == seq
     robot.wait_until_it_stands(since=moves)
     moves = len(robot.moves)
-    assert sender.ask(order)["seq"] == seq  # replayed
+    assert sender.ask(order)["seq"] == seq  # a replayed order
     sender.ask(sender.order(seq=seq - 1))
     sender.ask(sender.order(secret="other", seq=seq + 4))
     sender.ask(sender.order(seq=seq + 4).replace(b"400", b"900"))
@@ -137,7 +137,6 @@ def rubbish_and_signed_nonsense_are_answered_and_harmless(sender: Sender) -> Non
 def a_flood_does_not_keep_it_from_standing(robot: FirmwareRobot, sender: Sender) -> None:
     robot.wait_until_it_stands()
     moves = len(robot.moves)
-    # The maximum is half a second.
     sender.ask(sender.order(seq=sender.report["seq"] + 1, for_ms=60_000))
     for _ in range(20_000):
         sender.socket.send(b"flood")

@@ -1,5 +1,4 @@
-"""Orders and reports, in the one-page protocol and as words of one line; and robots that answer
-late or obey no order."""
+"""Orders and reports in JSON and as words of one line, and robots that answer late or not obey."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""A driver keeps its device although connections drop and hubs or bricks are renamed or have twins.
-tests/robot/devkit/test_cameras.py has cameras."""
+"""A driver keeps its device, although connections drop and other devices have its name or address.
+
+tests/robot/devkit/test_cameras.py tests cameras."""
 
 from __future__ import annotations
 
@@ -49,7 +50,7 @@ class Hubs:
         return None
 
     def happen(self) -> None:
-        """Lose, add or rename a hub, or swap the names of two."""
+        """Lose, add or rename a hub, or swap the names of two hubs."""
         chance, there, event = self.chance, self.there, self.chance.random()
         if event < 0.4 and there:
             there.pop(chance.choice(sorted(there)))
@@ -155,7 +156,7 @@ def test_twins_are_told_apart_and_a_lost_one_is_named() -> None:
 
 
 def test_a_robot_in_the_place_of_another_is_named_and_never_driven() -> None:
-    """Small robots without a secret that take over each other's address."""
+    """Robots without a secret may get each other's address."""
     clock = VirtualClock()
     anna, ben = (Board(name, clock) for name in ("Anna", "Ben"))
     there, waiting = [anna], list[bytes]()

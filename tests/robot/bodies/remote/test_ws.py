@@ -1,4 +1,4 @@
-"""The driver opens a lost websocket again, and this moves nothing."""
+"""The driver reopens a lost websocket, and the new connection moves nothing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_a_lost_real_connection_is_opened_again_and_moves_nothing_by_itself() ->
         driver = WsDriver(RemoteOptions(address=robot.address, secret="geheim"))
         check_real_driver(driver, as_reported(driver, lambda: robot.is_moving))
     check_that_it_comes_back(WsRobot.start_again)
-    # As when the robot's power is cut: nothing closes the connection.
+    # Like a power cut at the robot, which closes no connection.
     check_that_it_comes_back(lambda robot: robot.silent.set())
     check_that_it_catches_up_with_late_answers()
     what_hangs_is_followed_by_no_second_and_cancelled_at_the_end()
@@ -58,14 +58,14 @@ def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
 
 
 def check_that_it_catches_up_with_late_answers() -> None:
-    """A reader that reads only one answer for each order never catches up."""
+    """A driver that read only one answer for each order would never catch up."""
     with WsRobot("geheim") as robot:
         host, _, port = robot.address.partition(":")
         line = WebsocketLine(host, int(port))
         robot.repeats = 5
         line.send(b'{"move": "stop", "seq": 0}\t')
         answers = 0
-        for _ in range(30_000):  # waits of 1 ms
+        for _ in range(30_000):
             answers += line.receive(0.001) is not None
             if answers == 6:
                 break

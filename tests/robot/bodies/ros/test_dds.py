@@ -1,5 +1,4 @@
-"""A ROS robot over DDS: its messages equal those of a third-party codec, its options, and a robot
-on the network."""
+"""A ROS robot over DDS: messages (compared with a third-party codec), options, and the network."""
 
 from __future__ import annotations
 
@@ -34,8 +33,8 @@ from tests.contract.real_parts import (
 from tests.kit.sizes import IS_FULL
 from tests.kit.wait import wait_until
 
-pytest.importorskip("cyclonedds", reason="has no wheel for this Python or processor")
-pytest.importorskip("rosbags", reason="decodes what is sent")
+pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this Python or processor")
+pytest.importorskip("rosbags", reason="rosbags is not installed, which decodes the messages")
 from rosbags.typesys import Stores, get_typestore
 
 from robot.bodies.ros import dds
@@ -78,7 +77,7 @@ def test_messages_equal_those_of_a_third_party_codec(kind: str, store: Stores) -
     ours = from_dds(TYPES[kind].deserialize(bytes(types.serialize_cdr(theirs, kind))))
     told = {name: list(one) if isinstance(one, bytes) else one for name, one in ours.items()}
     wanted = plain(theirs)
-    wanted = {name: value for name, value in wanted.items() if name.islower()}  # no constants
+    wanted = {name: value for name, value in wanted.items() if name.islower()}
     wanted.pop("variance", None)
     assert told == wanted
     if kind in (TWIST, STAMPED, TEXT, HEADER):
@@ -161,12 +160,12 @@ def driver_for(**options: Any) -> RosDriver:
 
 @contextmanager
 def base_case() -> Iterator[DriverCase]:
-    """A base that never stops by itself, behind our watchdog; the robot is another participant."""
+    """A robot in another process: a base that never stops by itself, behind our watchdog."""
     with DdsRobot(own_domain()) as robot:
         driver = driver_for(watchdog=True)
 
         def drives() -> Point:
-            time.sleep(0.05)  # no DDS message confirms that all earlier ones were received
+            time.sleep(0.05)  # DDS does not confirm that a message was received
             return robot.drives
 
         yield on_a_busy_machine(
@@ -226,7 +225,7 @@ def others_on_the_topic_are_in_the_log(caplog: pytest.LogCaptureFixture) -> None
 
 
 def a_publisher_that_leaves_sends_nothing_more() -> None:
-    """DDS reports a leaving publisher by a sample without fields."""
+    """When a publisher leaves, DDS delivers a sample without fields."""
     told: list[set[str]] = []
     listening = open_topics(
         RosOptions(transport="dds", address="127.0.0.1", domain=own_domain()),

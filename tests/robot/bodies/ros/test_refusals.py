@@ -24,7 +24,7 @@ NOISE = ("{", "[]", '"status"', '{"op": 7}', '{"op": "png", "data": "%%"}', "[" 
 
 
 def text_as_png(text: str) -> str:
-    """Write a text as rosbridge's png_compression does: bytes as pixels, padded with newlines."""
+    """Encode a text like rosbridge's png_compression: as pixels, padded with newlines."""
     data = text.encode()
     width = max(1, int((len(data) / 3) ** 0.5))
     height = -(-len(data) // (3 * width))
@@ -34,7 +34,7 @@ def text_as_png(text: str) -> str:
 
 
 def in_fragments(text: str) -> list[str]:
-    """Cut a message into seven parts, which arrive in any order."""
+    """Cut a message into seven fragments, in random order."""
     size = -(-len(text) // 7)
     cut = [text[at : at + size] for at in range(0, len(text), size)]
     found = [

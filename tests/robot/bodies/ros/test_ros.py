@@ -213,7 +213,7 @@ def a_bridge_that_is_not_there_is_a_sentence() -> None:
 
 
 def a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer) -> None:
-    """This base never stops by itself, so our zero ends the move."""
+    """This base never stops by itself, so only a velocity of zero ends the move."""
     with driver_for(ros) as driver:
         ros.settle(driver._connection)
         before = len(ros.cmd_vel)
@@ -232,7 +232,7 @@ def a_bridge_without_a_sign_of_life_is_connected_anew(ros: RosBridgeServer) -> N
 
 
 def answering(operation: str, level: str, says: str) -> Callable[[dict[str, Any]], list[str]]:
-    """Make the rosbridge answer each operation of one kind with a status."""
+    """Return answers that refuse each operation of one kind with a status."""
     status = {"op": "status", "level": level, "msg": says}
 
     def answers(asked: dict[str, Any]) -> list[str]:
@@ -245,7 +245,7 @@ def answering(operation: str, level: str, says: str) -> Callable[[dict[str, Any]
 def a_refusal_is_an_error_until_the_bridge_accepts_the_topic(
     ros: RosBridgeServer, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """When the conflicting node ends, the driver requests the topic again, without a new
+    """After the conflicting node has ended, the driver advertises the topic again, on the same
     connection."""
 
     def hears(driver: RosDriver, seconds: float = 30.0) -> str:
