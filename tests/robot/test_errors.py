@@ -1,4 +1,4 @@
-"""Errors of the system, of libraries and of plug-ins are raised as ours, and say what to do."""
+"""Errors of the system, libraries and plug-ins become errors that say what to do."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ def test_elsewhere_the_advice_is_for_the_tool_that_installed_it_and_for_its_shel
     monkeypatch.setattr(errors, "_source", lambda: source)
     monkeypatch.setattr(sys, "prefix", prefix)
     monkeypatch.setattr(sys, "executable", python)
-    monkeypatch.setattr("importlib.metadata.version", lambda name: "1.0")  # there is pip
+    monkeypatch.setattr("importlib.metadata.version", lambda name: "1.0")  # an environment with pip
     assert errors.install_command("ev3") == command
     assert command in str(MissingExtraError("driving", "ev3"))
 
@@ -209,11 +209,11 @@ def test_beside_robot_framework_importing_and_starting_end_in_a_sentence(tmp_pat
         shutil.copytree(ROOT / package, tmp_path / package)
 
     def run(*words: str) -> subprocess.CompletedProcess[str]:
-        # Without site-packages, so only the folder's packages are seen.
+        # -S hides site-packages, so only the folder's packages are found.
         command = [sys.executable, "-S", *words]
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
 
-    (tmp_path / "robot/running").mkdir()  # the form that Robot Framework's package has
+    (tmp_path / "robot/running").mkdir()  # like Robot Framework's package
     said = run("-c", "import robot").stderr
     assert "ImportError: Robot Framework and Drivelesson" in said.splitlines()[-1]
     done = run("-m", "server")

@@ -1,5 +1,4 @@
-"""Any name can be a move, and the driver's declaration accompanies the move, also into
-recordings."""
+"""Any name can be a move, and the driver's declaration of it is also stored in recordings."""
 
 from __future__ import annotations
 
@@ -35,7 +34,7 @@ def moves(draw: st.DrawFn) -> Move:
 
 @given(NAMES)
 def test_each_move_name_has_one_object(name: str) -> None:
-    action = Action("".join(name))  # not the same string object
+    action = Action("".join(name))  # not identical strings
     assert action is Action(name)
     assert action == name and hash(action) == hash(name) and str(action) == action.value == name
     for protocol in range(pickle.HIGHEST_PROTOCOL + 1):

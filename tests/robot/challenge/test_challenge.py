@@ -1,4 +1,4 @@
-"""In the challenge, tricks score less than an honest average robot; runs in virtual time."""
+"""In the challenge, tricks score less than a robot that drives an average course."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SPEED_M_S, TURN_RAD_S, STEP_S = 0.2, 1.6, 0.05
 QUARTER_S = math.pi / 2 / TURN_RAD_S
 START = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
 Part = tuple[float, float, float]
-"""Seconds, and the speed and the turn rate as shares of the robot's own."""
+"""Parts of a drive: seconds, and the speed and turn rate as shares of the robot's maximum."""
 DICE = random.Random(4)
 
 
@@ -57,7 +57,7 @@ FEWER: dict[str, list[Part]] = {
     "back in a wide curve": [(7.5, 1.0, 0.0), (7.5, -1.0, 0.3)],
     "narrow lanes": [*lane(1.0), *lane(-1.0)],
 }
-"""Drives that resemble a course a little; they may score, but clearly less than a course."""
+"""Drives that slightly resemble a course; they may score, but much less than a course."""
 HONEST_BOX = [(3.5, 1.0, 0.0), (QUARTER_S, 0.2, 1.0)]
 """Rounds of the smallest box, 1.15 m wide, as an average robot drives them."""
 

@@ -1,5 +1,4 @@
-"""The gallery shows which parts of an image made a view match it, and when each image was last
-used."""
+"""The gallery shows why a view matches an image, and when each image was last used."""
 
 from __future__ import annotations
 

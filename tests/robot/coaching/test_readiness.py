@@ -1,4 +1,4 @@
-"""When the robot counts as ready, what resets this, and where each gap lies."""
+"""When the robot counts as ready, what resets that, and which gap each place has."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ def test_it_is_ready_exactly_after_the_time_that_it_named_until_its_model_change
     rate_hz, unknown_s
 ):
     drive = taught(rate_hz)
-    drive.teach(R, 0.3)  # a slip of the finger does not count as a move that must be taught
+    drive.teach(R, 0.3)  # a slip does not count as a move that must be taught
     assert drive.stage is Stage.TRY and R not in drive.lesson.moves_in_use
     drive.alone(unknown_s, novelty=HARDLY_KNOWN)
     trial = drive.lesson.trial

@@ -1,5 +1,4 @@
-"""The limits adapt to the camera; how the robot drives and learns with cameras from quick to
-useless."""
+"""The limits adapt to the camera, and the robot drives and learns with fast and slow cameras."""
 
 from __future__ import annotations
 
@@ -151,15 +150,14 @@ def test_a_pause_of_the_camera_does_not_count_as_its_period(pause_s):
 
 @dataclass
 class Drive:
-    """The ticks of a drive, the pictures that came in it, and the reasons of its stops."""
+    """The ticks of a drive, its number of pictures, and the reasons of its stops."""
 
     ticks: list[Tick] = field(default_factory=list)
     pictures: int = 0
     stops: list[StopReason | None] = field(default_factory=list)
 
     def moving(self, speed_scale: float = 0.0) -> float:
-        """Return the share of the time in which the robot drove at this share of full speed or
-        faster."""
+        """Return the share of time in which the robot drove at this share of full speed or more."""
         scales = [tick.decision.speed_scale for tick in self.ticks if tick.sent is FORWARD]
         return sum(scale >= speed_scale for scale in scales) / len(self.ticks)
 
@@ -180,9 +178,9 @@ def drive(
     restarts: bool = True,
     seed: int = 1,
 ) -> Drive:
-    """Hold forward for a while with such a camera, like the page, in steps of five ms.
+    """Hold forward for a while, like the page, with a simulated camera; in steps of 5 ms.
 
-    The camera runs for two seconds before the drive, as while a person opens the page.
+    The camera already runs for two seconds before the drive.
     """
     robot, dice = BenchRobot(), random.Random(seed)
     clock, result, step_s = robot.clock, Drive(), 0.005

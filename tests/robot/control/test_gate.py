@@ -1,4 +1,4 @@
-"""Who drives, and every way in which the gate stops the robot."""
+"""The gate decides who drives, and stops the robot for each of its reasons."""
 
 from __future__ import annotations
 

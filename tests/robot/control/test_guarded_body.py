@@ -1,4 +1,4 @@
-"""The dead man's switch on a separate thread is on time although the loop is late."""
+"""The watchdog on a separate thread is on time, although the loop is late."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_the_body_stops_on_time_although_the_loop_is_late(driven, where, held_up
         driven.loop.subscribe(hold_up)
     else:
         before(policy if where == "propose" else driven.body, where)
-    limit_s = 0.46 if where != "sense" else 0.3 + ACTION_TIMEOUT_S  # the body itself ends the move
+    limit_s = 0.46 if where != "sense" else 0.3 + ACTION_TIMEOUT_S  # the body ends the move
     assert driven.moves_until() <= limit_s
     assert driven.loop.state.decision.mode is Mode.STOPPED
 

@@ -194,7 +194,7 @@ def hold_up(monkeypatch: pytest.MonkeyPatch, robot: BenchRobot, seconds: float) 
     monkeypatch.setattr(policy, "propose", slow)
 
 
-# Causes of ticks, and their state ---------------------------------------------------------------
+# When ticks run, and their state ---------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -221,7 +221,7 @@ def test_every_event_wakes_the_loop(happens):
         (1 / 16, Mode.STOPPED, Mode.TRAIN, False),
         (1 / 8, Mode.STOPPED, Mode.TRAIN, True),
         (1 / 8, Mode.STOPPED, Mode.STOPPED, False),
-        (1 / 8, Mode.TRAIN, Mode.TRAIN, False),  # grows slowly while the robot may move
+        (1 / 8, Mode.TRAIN, Mode.TRAIN, False),  # the gap grows slowly while the robot may move
     ],
 )
 def test_a_repeated_command_wakes_only_a_loop_that_ticks_seldom(period_s, before, mode, wakes):

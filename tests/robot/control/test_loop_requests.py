@@ -23,7 +23,7 @@ MOVING = (Mode.TRAIN, Mode.AUTONOMOUS)
 
 
 def leave(robot: BenchRobot) -> None:
-    robot.hold(F)  # a waiting request is not carried out either
+    robot.hold(F)  # a waiting request is dropped, too
     robot.loop.empty_command()
 
 

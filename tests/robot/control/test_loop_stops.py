@@ -1,4 +1,4 @@
-"""The control loop on the test bench: every way to stop, and its message."""
+"""The control loop on the test bench: each reason of a stop, and its message."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ def test_a_driver_may_say_false_for_no_button(none):
 
 
 def test_a_body_that_fails_is_stopped_before_it_is_logged_and_is_logged_once(monkeypatch):
-    """A log may go to a terminal that is paused."""
+    """A log may be slow, because its terminal may be paused."""
     robot = started()
     before, logged = robot.driver.stops, []
     monkeypatch.setattr(
@@ -278,7 +278,7 @@ def test_a_camera_that_cannot_rest_is_reported_and_ends_no_loop():
 def test_a_camera_with_an_age_that_cannot_be_read_is_named_and_stops_the_robot(age):
     robot = started()
     robot.camera.__class__ = type("Broken", (type(robot.camera),), {"source_age_s": age})
-    vars(robot.camera).pop("source_age_s")  # an attribute of the object would hide the class's text
+    vars(robot.camera).pop("source_age_s")  # it would hide the attribute of the class
     for scene in range(20):
         tick = robot.step(scene, F)
     assert tick.sent is Action.STOP and robot.loop.mode is Mode.STOPPED

@@ -28,8 +28,8 @@ from robot.simulator.driver import SimDriver, SimOptions
 
 MODULES, CHANGES = 26, 75
 LINES = 5_900
-"""5,801 were measured. More than two thirds of them are what a tick runs, and the declarations and
-docstrings of the modules; most of the rest makes, saves, edits or stops the same objects."""
+"""Limit; 5,801 lines were measured. More than two thirds run in a tick, or are declarations and
+docstrings; most other lines make, save, edit or stop the same objects."""
 ROOTS = Path(robot.__file__).parent, Path(server.__file__).parent
 TESTING = ROOTS[0] / "testing"
 

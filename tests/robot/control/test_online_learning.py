@@ -1,4 +1,4 @@
-"""Perception, proposals, and learning the pilot's moves."""
+"""The loop's learning: feature vectors, proposals, and the examples from the pilot's moves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A body that needs 50 ms a request does not delay the loop, and still obeys the newest action."""
+"""A body that needs 50 ms for each request does not delay the loop, and obeys the newest action."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Body(ReplayDriver):
 def test_a_slow_body_costs_no_tick_no_example_and_no_distance(request_s: float) -> None:
     """Teach for 10 s: pictures and ticks at 30 Hz, a pilot at 10 Hz, and requests that take long.
 
-    On the loop's own thread requests of 0.05 s would cost half of the ticks.
+    If such requests ran on the loop's own thread, half of the ticks would be lost.
     """
     clock = StepClock(1.0)
     body = Body(clock)
@@ -272,7 +272,7 @@ def test_a_button_is_heard_once_and_a_start_that_came_during_a_fault_moves_nobod
 def test_a_light_that_fails_is_reported_once_and_ends_no_thread(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The `show` of a third-party driver may raise an error."""
+    """The `show` method of a third-party driver may raise an error."""
     clock = VirtualClock()
     body = Body(clock)
 

@@ -88,4 +88,4 @@ def test_every_number_has_a_range_and_keeps_to_it(kind: Any, option: Option) -> 
             with pytest.raises(ConfigurationError, match=f"{option.flag} must be a .*number from"):
                 make_options(kind.options_type, {option.name: given})
         with pytest.raises(ConfigurationError, match=f"{option.flag} must be a .*number from"):
-            kind.options_type(**{option.name: value})  # no matter how the options were made
+            kind.options_type(**{option.name: value})  # however the options were made

@@ -1,5 +1,4 @@
-"""The parts of which cameras are built: threads, checks of pictures, and the identity of a USB
-camera."""
+"""The base of all cameras: threads, checks of pictures, and the identity of a USB camera."""
 
 from __future__ import annotations
 
@@ -70,7 +69,7 @@ def test_a_picture_keeps_its_age_on_any_clock_and_never_seems_younger(
     machine: VirtualClock, ahead_s: float
 ) -> None:
     class Slow(VirtualClock):
-        """A clock after each of whose readings the thread is held up."""
+        """A clock that delays the thread after each reading."""
 
         def now_s(self) -> float:
             read_s = machine.now_s() + ahead_s
@@ -93,7 +92,7 @@ def test_a_frame_has_plain_numbers_whatever_the_camera_passes(side: Any) -> None
 
 @pytest.mark.parametrize("data", [bytearray(12), np.zeros(12, np.uint8)], ids=["bytes", "array"])
 def test_a_frame_does_not_change_when_the_camera_reuses_its_memory(data: Any) -> None:
-    """Libraries fill one array again and again, and OpenCV returns a JPEG as an array."""
+    """Some libraries reuse one array for all pictures, and OpenCV returns a JPEG as an array."""
     camera = BenchCamera(None, VirtualClock())
     picture = Picture(encoding=Encoding.RGB, width=2, height=2, data=data)
     camera._show_picture(picture, 0.0)
@@ -176,7 +175,7 @@ def test_a_lossless_jpeg_is_reported_once_and_not_with_each_picture() -> None:
 
 
 def test_an_earlier_fault_of_a_camera_is_not_reported_after_it_is_back() -> None:
-    """The camera's server was restarted, and repeats its earlier picture."""
+    """A camera's server that was restarted may repeat its earlier picture."""
     camera = MjpegCamera(MjpegOptions(source="http://192.0.2.1/"), VirtualClock())
     camera._take(jpeg(64, 48), 0.0)
     camera._reason = "it has answered and sends nothing"

@@ -1,4 +1,4 @@
-"""The base class of drivers reconnects, and leaves all names except its own to authors."""
+"""The base class of drivers reconnects, and does not restrict the names in an author's class."""
 
 from __future__ import annotations
 
@@ -35,8 +35,7 @@ class Radio:
 
 
 class RadioDriver(ConnectedDriver[list[Radio]]):
-    """A driver as a third-party author would write it: it opens, drives, senses and closes, and
-    ignores lost connections."""
+    """A third-party author's driver, which itself does not handle lost connections."""
 
     name, default_camera, is_remote = "radio", "phone", True
 

@@ -1,5 +1,5 @@
-"""Bodies that behave like real libraries: each stops in time with our watchdog, and without it
-fails the contract suite."""
+"""Bodies that behave like real libraries: all stop in time with our watchdog, and without the
+watchdog fail the contract suite."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ N_HISTORIES = size("HABITS", 30, 1000)
 
 
 class Body:
-    """Drives until another order. Each subclass has one more habit of a real library."""
+    """A body that drives until another order; each subclass adds a habit of a real library."""
 
     fails: ClassVar[str] = "an_action_ends_by_itself"
-    """Name of the contract's test that this body fails without a watchdog."""
+    """The contract's test that this body fails without a watchdog."""
     is_acknowledged = True
 
     def __init__(self, clock: VirtualClock, seed: int) -> None:
@@ -55,7 +55,7 @@ class Body:
 
 
 class DropsTheSecond(Body):
-    """Of two orders within 1 ms the second is lost."""
+    """Loses the second of two orders within 1 ms."""
 
     fails = "every_move_moves_and_stop_stops"
     is_acknowledged = False
@@ -68,7 +68,7 @@ class DropsTheSecond(Body):
 
 
 class WaitsInsideAMove(Body):
-    """A move's call returns after a second; another thread may call meanwhile."""
+    """The call of a move returns after a second; other threads may call meanwhile."""
 
     fails = "requests_are_quick_enough"
 
@@ -95,7 +95,7 @@ class DrivesOnAfterClose(Body):
 
 
 class ClosesWithoutStop(Body):
-    """Orders written in the last 20 ms before `close` do not leave the computer."""
+    """Orders of the last 20 ms before `close` never leave the computer."""
 
     fails = "leaving_the_context_stops_the_body"
     is_acknowledged = False
@@ -143,7 +143,7 @@ class RaisesSometimes(Body):
 
 
 class Reorders(Body):
-    """A later order may overtake an earlier one, by at most 60 ms."""
+    """A later order may overtake an earlier order, by at most 60 ms."""
 
     fails = "leaving_the_context_stops_the_body"
     is_acknowledged = False

@@ -84,7 +84,7 @@ START = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
 def test_without_slip_the_estimate_is_the_truth(seed: int, counts: bool) -> None:
     chance = random.Random(seed)
     reckoning, truth = DeadReckoning(TRACK_M), START
-    wheels_m = (chance.uniform(-9, 9), chance.uniform(-9, 9))  # counts begin anywhere
+    wheels_m = (chance.uniform(-9, 9), chance.uniform(-9, 9))  # counts may begin at any value
     now_s = 100.0
     pose = reckoning.locate(wheels_m if counts else None, now_s)
     assert pose == replace(START, is_estimate=True)
@@ -112,7 +112,7 @@ def test_wheel_counts_show_that_wheels_were_blocked() -> None:
 
 
 def test_orders_between_two_readings_count_each_for_its_time() -> None:
-    """Sensors are read less often than orders are sent; an order that is not renewed ends."""
+    """Sensors are read less often than orders are sent, and an order ends if it is not renewed."""
     reckoning = DeadReckoning(TRACK_M)
     for order, now_s in ((Action.FORWARD, 0.0), (Action.BACKWARD, 0.1), (Action.FORWARD, 0.3)):
         reckoning.tell(WHEELS_MPS[order], now_s)
@@ -149,7 +149,7 @@ def test_a_chassis_counts_the_distance_that_its_wheels_roll(reversed_motors: boo
         truth = along(START, turned_rad, (left_m + right_m) / 2)
         assert after is not None
         assert (after.x_m, after.y_m) == pytest.approx((truth.x_m, truth.y_m))
-        driver.turned_deg = None  # an agent that sends no angles, so the orders count
+        driver.turned_deg = None  # this agent sends no angles, so the orders determine the motion
         driver.drive(Action.LEFT, speed_scale=0.5)
         assert driver.sense().pose is not None
     assert driver.wheels_mps(Action.FORWARD) == pytest.approx((0.16, 0.16))

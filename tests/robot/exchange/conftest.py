@@ -9,7 +9,7 @@ from .sim_drive import drive_in_simulator
 
 @pytest.fixture(scope="session")
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
-    """A drive in the simulator; do not change it."""
+    """A drive in the simulator, which no test may change."""
     return open_episode(
         drive_in_simulator(tmp_path_factory.mktemp("sim"), "default-8", steps=120).path
     )

@@ -24,7 +24,7 @@ from robot.types import Action, Encoding, Frame, Point
 
 Record = dict[str, Any]
 _GREY = 20
-"""Brightness per number, so coarse that JPEG and films preserve the number."""
+"""Brightness for each number; the steps are so large that JPEG and films preserve them."""
 
 
 @cache
@@ -81,7 +81,7 @@ def tub_2(folder: Path, records: list[Record], deleted: tuple[int, ...] = ()) ->
 
 
 def _named(records: list[Record]) -> list[str]:
-    """Name the picture of each record that names none; return the names of all pictures."""
+    """Add a picture's name to each record without one; return the names of all pictures."""
     names = [f"{number}_cam_image_array_.jpg" for number in range(len(records))]
     for name, record in zip(names, records, strict=True):
         record.setdefault("cam/image_array", name)
@@ -113,12 +113,12 @@ def raw(shown: NDArray[np.uint8]) -> Picture:
 
 
 def taught_labels(episode: Episode) -> dict[int, Action]:
-    """Return the label of each frame that was taught."""
+    """Return the label of each taught frame."""
     return {frame_id: example.label for frame_id, example in taught_frames(episode).items()}
 
 
 def labels_by_number(episode: Episode) -> dict[int, Action | None]:
-    """Return the label of each picture, None if it was not taught, by the number that it shows."""
+    """Return the label of each picture (None if not taught), by the number in the picture."""
     labels = taught_labels(episode)
     return {number_of(episode.frame(i)): labels.get(i) for i in episode.frames}
 

@@ -24,7 +24,7 @@ CHANNELS = {"mono": 1, "bayer": 1, "yuv422": 2}
 
 @cache
 def typestore(is_first: bool) -> Any:
-    """Return the types of messages of ROS 1 or 2, which take long to make."""
+    """Return the message types of ROS 1 or 2; making them takes long."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)

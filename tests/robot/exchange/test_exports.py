@@ -1,5 +1,4 @@
-"""The tools for which an export is meant can read it. test_lerobot.py tests datasets for
-LeRobot."""
+"""Each export can be read by the tools for its format. test_lerobot.py tests LeRobot's datasets."""
 
 from __future__ import annotations
 
@@ -135,7 +134,7 @@ def test_a_film_needs_pictures_of_more_than_one_row_and_the_name_of_a_film(
 
 def test_measurements_stay_with_every_copy_and_export(tmp_path: Path) -> None:
     robot = RecordedBench(tmp_path)
-    robot.recorder.write_result("lost", {})  # there is no recording yet
+    robot.recorder.write_result("lost", {})  # no recording exists yet
     robot.start(Mode.TRAIN, 0)
     for scene in range(30):
         robot.step(scene, Action.FORWARD)

@@ -1,5 +1,4 @@
-"""Pictures with a table, with named folders or with labels in their names are imported, or refused
-with a true sentence."""
+"""Pictures with labels in a table, in folders or in file names are imported, or refused clearly."""
 
 from __future__ import annotations
 
@@ -42,7 +41,7 @@ class Data:
     """The label that each picture must have after the import."""
     reading: dict[str, Any] = field(default_factory=dict)
     archive: str = ""
-    """The name of the zip in which the files are; empty: they are in a folder."""
+    """The name of the zip that contains the files; empty if they are in a folder."""
 
     def write(self, home: Path) -> Path:
         folder = home / "set"
@@ -277,7 +276,7 @@ def test_the_data_of_each_program_is_imported(data: Data, tmp_path: Path) -> Non
             "'left' and 'right' may be moves or the speeds of two wheels",
         ),
         ("file,speed\na.jpg,1\n", "no column for a label.*its columns: file, speed"),
-        # Damaged tables: nothing of them can be used.
+        # Damaged tables, of which nothing can be used.
         *(
             ("", "there is no column"),
             ("file,label\n", "has no rows"),
@@ -365,7 +364,7 @@ def test_a_drive_keeps_its_date_on_a_computer_whose_clock_is_late(
 
 @pytest.mark.parametrize("name", ["table.csv", "table.txt"])
 def test_a_table_of_windows_and_pictures_of_a_mac_fit_together(tmp_path: Path, name: str) -> None:
-    """Excel writes UTF-16, and macOS separates the accents from their letters."""
+    """Excel writes UTF-16, and macOS stores accents as separate characters."""
     folder = put(tmp_path / "set", "man\u0303ana.jpg", "u\u0308ben.jpg")
     text = "file\tlabel\r\nma\u00f1ana.jpg\tleft\r\n\u00fcben.jpg\tright\r\n"
     (folder / name).write_bytes(text.encode("utf-16"))
@@ -433,7 +432,7 @@ def test_a_hint_names_a_car_whose_straight_ahead_is_not_zero(
 
 @pytest.mark.parametrize("head", ["file,angle", "file,angle,label"])
 def test_no_trim_is_suggested_that_cannot_help(head: str, tmp_path: Path) -> None:
-    """A pilot with a keyboard drove mostly to the left; or the labels do not depend on steering."""
+    """A pilot with a keyboard drove mostly left, or the labels do not depend on steering."""
     names = [f"{n}.jpg" for n in range(12)]
     angles = [-1, -1, 0] * 4 if head == "file,angle" else [-0.9, -0.5, -0.5] * 4
     labels = ["" if head == "file,angle" else f",{move}" for move in ("left", "forward")] * 6

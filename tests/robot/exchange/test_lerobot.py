@@ -1,5 +1,4 @@
-"""LeRobot datasets of both versions are written in LeRobot's format, and read without teaching
-anything wrong, even if they are damaged.
+"""LeRobot datasets of both versions are written and read, and damaged ones teach nothing wrong.
 
 LeRobot itself reads, edits and merges exports in tests/conformance.
 """
@@ -190,7 +189,7 @@ def test_a_cache_of_links_is_read_and_links_that_are_not_followed_are_said(
         find_drives(tmp_path / "drives")
 
 
-# Datasets of others, and damaged ones ------------------------------------------------------------
+# Third-party and damaged datasets ------------------------------------------------------------
 
 TRUTH: Labels = dict(enumerate([L, F, R, L, F, R, L, F], 1))
 
@@ -276,7 +275,7 @@ def lose_times(made: Dataset) -> Labels:
 
 
 def let_the_policy_drive(made: Dataset) -> Labels:
-    """Frames that were driven by the policy are not examples."""
+    """Frames that the policy drove are not examples."""
     name = "complementary_info.is_intervention"
     made.features[name] = {"dtype": "bool", "shape": [1]}
     for row in made.rows:
@@ -301,7 +300,7 @@ def lead_nowhere(made: Dataset) -> Labels:
 
 
 VARIANTS = list(product((True, False), repeat=2))
-"""In version 2 and 3, with films and without."""
+"""Each case is tried in version 2 and 3, with films and without."""
 
 
 @pytest.mark.parametrize(
@@ -344,7 +343,7 @@ def test_a_lost_file_of_a_dataset_costs_only_what_was_in_it(tmp_path: Path, is_c
                 found = {}
             kept: Labels = {}
             if "meta/episodes" in name and not (is_v3 and has_films):
-                kept = TRUTH  # the list of episodes only locates them in a film
+                kept = TRUTH  # the list of episodes is needed only to find them in a film
             elif "episode_" in name:
                 kept = {n: TRUTH[n] for n in TRUTH if (n > 4) == ("episode_000000" in name)}
             assert kept.items() <= found.items() <= TRUTH.items(), (whole.name, name)
@@ -395,8 +394,8 @@ def test_a_dataset_that_was_never_finalized_is_named_as_such(tmp_path: Path) -> 
 def test_the_actions_of_other_robots_are_labels(
     tmp_path: Path, names: Any, actions: list[tuple[float, ...]]
 ) -> None:
-    """The pilots of these datasets turn left, turn right, drive on and stand. The import does not
-    use a depth camera."""
+    """In these datasets, pilots turn left, turn right, drive on and stand. The import ignores the
+    depth camera."""
     depth = {"dtype": "image", "shape": [120, 160, 3], "info": {"is_depth_map": True}}
     made = Dataset(names=names, features={"front_depth": depth})
     made.rows = [

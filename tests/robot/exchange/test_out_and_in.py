@@ -1,4 +1,4 @@
-"""Labels, points and a driver's own moves survive every export and import, exact to float32."""
+"""Labels, points and a driver's own moves survive an export and import, exact to float32."""
 
 from __future__ import annotations
 
@@ -75,9 +75,9 @@ def examples(episode: Episode) -> list[tuple[Action, Point | None]]:
 def test_labels_and_points_are_the_same_after_export_and_import(
     form: str, own_move: Move | None, tmp_path: Path
 ) -> None:
-    """A pilot steers proportionally, sometimes by a move, or not at all.
+    """A pilot steers proportionally or by a move, or does not steer.
 
-    A tub and a dataset omit the numbers if one move has none, because a zero would mean standing.
+    A tub or dataset has no numbers if one move has none, because a zero would mean standing.
     """
     chance, by_move = random.Random(3), own_move.name if own_move else Action.LEFT
     points = [some_point(chance) if index % 5 < 3 else None for index in range(30)]
@@ -95,7 +95,7 @@ def test_labels_and_points_are_the_same_after_export_and_import(
     meant = examples(episode)
     assert {point is None for _, point in meant} == {True, False} and len(meant) == 24
     FORMS[form](episode, Notes(), tmp_path / form)
-    if form == "drive.npz":  # the format has only three labels
+    if form == "drive.npz":  # this format has only three labels
         meant = [(label, point) for label, point in meant if label in DEFAULT_MOVES]
     if own_move is PUSH and form in ("tub", "lerobot"):
         meant = [(label, None) for label, _ in meant]

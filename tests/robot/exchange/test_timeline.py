@@ -1,5 +1,4 @@
-"""Whatever the times are, every picture is kept, and is shown for as long as the camera showed
-it."""
+"""Whatever the times are, every picture is kept, and is shown for its original duration."""
 
 from __future__ import annotations
 
@@ -59,7 +58,7 @@ def test_ascending_time_stamps_are_not_changed() -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_every_picture_is_shown_for_as_long_as_it_was_there(name: str) -> None:
-    """Datasets have 20 pictures a second, and a drive is split at long pauses."""
+    """A dataset has 20 pictures a second, and long pauses split a drive."""
     times_s, n_parts = CASES[name]
     line = make_timeline(times_s)
     stretches = line.evenly(20)
@@ -109,5 +108,5 @@ def test_other_texts_are_not_read_as_times() -> None:
 def test_the_unit_of_a_tables_times_follows_from_their_size(
     name: str, begin: float, step: float, unit: float | None
 ) -> None:
-    """Unless the name or the year tells the unit, a drive has a picture in at most 5 s."""
+    """If neither name nor year tells the unit, pictures are assumed to be at most 5 s apart."""
     assert unit_of([str(begin + n * step) for n in range(9)] + ["", "noon"], name) == unit

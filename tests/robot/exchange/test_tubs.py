@@ -1,5 +1,4 @@
-"""From donkeycar's tubs, even damaged and hostile ones, every intact record is imported, and
-nothing wrong is taught."""
+"""Every intact record of a donkeycar tub is imported, even if the tub is damaged or hostile."""
 
 from __future__ import annotations
 
@@ -75,7 +74,7 @@ def test_the_threshold_says_what_a_turn_is_and_a_car_that_stands_teaches_nothing
 def test_a_stick_that_goes_slightly_beyond_one_steers_fully(
     full_lock: float, tmp_path: Path
 ) -> None:
-    """The numbers of a stick go from -32768 to 32767."""
+    """A stick reports numbers from -32768 to 32767."""
     share = -32768 / 32767
     tub = tub_2(tmp_path / "tub", angles(share * full_lock, 0, full_lock, throttle=-share))
     assert imported(tub, full_lock=full_lock) == {1: L, 2: F, 3: R}
@@ -285,11 +284,11 @@ def test_a_file_that_is_not_an_image_is_refused(tub: Path, data: bytes) -> None:
 
 @pytest.mark.parametrize("preview", [b"", picture(1)])
 def test_a_picture_with_an_orientation_tag_is_not_taken_for_damaged(preview: bytes) -> None:
-    """imagesize 1.4 returns the sides as stored, so that turned pictures seemed damaged. A preview
-    in the header has sides and scans of its own."""
+    """imagesize 1.4 returns the stored sides, so turned pictures seemed damaged. A preview in the
+    header has its own sides and scans."""
     plain = picture(2)
     for turn in range(1, 9):
-        entry = struct.pack("<HHIHH", 0x112, 3, 1, turn, 0)  # the orientation, one short number
+        entry = struct.pack("<HHIHH", 0x112, 3, 1, turn, 0)  # the orientation, a short integer
         exif = b"Exif\0\0II*\0" + struct.pack("<IH", 8, 1) + entry + bytes(4) + preview
         marked = plain[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + plain[2:]
         found = read_picture(marked, "x")
@@ -297,7 +296,7 @@ def test_a_picture_with_an_orientation_tag_is_not_taken_for_damaged(preview: byt
 
 
 def test_a_jpeg_with_appended_bytes_is_whole_and_a_png_may_be_turned() -> None:
-    """Phones append a film to a picture, and painting programs store how a PNG is turned."""
+    """Phones append a film to a picture, and some programs store the orientation of a PNG."""
     shown = np.arange(64 * 48 * 3, dtype=np.uint8).reshape(48, 64, 3)
     for progressive in (0, 1):
         data = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_PROGRESSIVE, progressive])[1].tobytes()

@@ -1,4 +1,4 @@
-"""Learners on recorded footage, and the learners that BSOC is compared with."""
+"""Learners on recorded footage, including those with which BSOC is compared."""
 
 import json
 
@@ -22,7 +22,7 @@ def halls(tmp_path):
     """A folder with two recordings of one place."""
     for seed, name in enumerate("AB"):
         write_footage(tmp_path / f"hall_{name}.npz", seed=seed)
-    (tmp_path / "._hall_A.npz").write_bytes(b"\0\5\x16\7")  # macOS adds such files
+    (tmp_path / "._hall_A.npz").write_bytes(b"\0\5\x16\7")  # a hidden file of macOS
     return tmp_path
 
 
@@ -34,7 +34,7 @@ def halls(tmp_path):
 def test_a_broken_recording_is_named_in_one_line(halls, changes, capsys):
     write_footage(halls / "hall_A.npz", **changes)
     assert main(["evaluate", str(halls), "--learners", "published-4"]) == 2
-    said = capsys.readouterr().err  # a library may say more of a picture that is no JPEG
+    said = capsys.readouterr().err  # a library may print more about a file that is no JPEG
     (line,) = [line for line in said.splitlines() if line.startswith("drivelesson: ")]
     assert "hall_A" in line and "Traceback" not in said
 
@@ -70,7 +70,7 @@ def test_the_command_writes_both_directions_of_each_learner_and_lesson(halls, ca
     assert [(p["train"], p["test"]) for p in pairs[::3]] == directions
     assert {p["learner"] for p in pairs} == {"published-8", "default-8", "knn-3"}
     assert all(p["correct"] == round(p["accuracy"] * p["frames"]) for p in pairs)
-    # columns of both directions, and of their mean
+    # columns of each direction and of the mean
     assert capsys.readouterr().out.count("knn-3") == 3
     assert main([*words, "published-4", "--first", "2,3", "--examples", "3"]) == 0
     pairs = json.loads(out.read_text())["pairs"]
@@ -100,7 +100,7 @@ def test_angles_are_judged_where_the_drives_have_them(tmp_path):
     for seed, name in enumerate("AB"):
         write_footage(tmp_path / f"hall_{name}.npz", 45, seed, angle=steered, throttle=half)
         write_footage(tmp_path / f"yard_{name}.npz", 45, seed)
-        # A tapped angle alternates; its mean is what the pilot meant.
+        # A tapped angle alternates; the pilot means its average.
         near = steered * np.random.default_rng(seed).uniform(0.3, 1.0, 45).astype("f4")
         angles = {"angle": np.sign(near), "angle_mean": near, "throttle": half}
         write_footage(tmp_path / f"room_{name}.npz", 45, seed, **angles)
@@ -120,7 +120,7 @@ def test_angles_are_judged_where_the_drives_have_them(tmp_path):
             assert 0.0 < result["angle_error"] < 1.0, result["learner"]
         else:
             wrong = 1.0 - result["accuracy"]
-            assert wrong - 1e-6 <= result["angle_error"] <= 2.0 * wrong + 1e-6  # all or nothing
+            assert wrong - 1e-6 <= result["angle_error"] <= 2.0 * wrong + 1e-6
             assert 0.2 < result["angle_correlation"] <= 1.0 and result["angle_step"] > 0.5
     assert "corr." in evaluation.table(results).columns
 
@@ -161,7 +161,7 @@ def test_it_learns_from_the_first_example_on_and_its_state_can_be_moved(name):
     for x, label in more:
         policy.learn(x, label)
     asked = pictures(90)[60:]
-    if name.partition("-")[2] not in "12":  # one or two nodes cannot tell two kinds apart
+    if name.partition("-")[2] not in "12":  # one or two nodes cannot distinguish two kinds
         proposed = [policy.propose(i, x).action for i, (x, _) in enumerate(asked)]
         assert proposed == [y for _, y in asked]
     other.set_state(policy.get_state())

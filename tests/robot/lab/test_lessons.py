@@ -34,7 +34,7 @@ HOW_TO = Path(__file__).parents[3] / "docs" / "howto" / "try-an-idea.md"
 
 
 def examples() -> list[str]:
-    """The Python blocks of the how-to, which a reader will copy."""
+    """The Python examples of the how-to, which readers copy."""
     parts = HOW_TO.read_text("utf-8").split("```python\n")[1:]
     return [part.split("```")[0] for part in parts]
 
@@ -115,7 +115,7 @@ def test_learners_and_teachers_are_found_by_name_and_an_unknown_one_lists_them()
 
 
 def test_cycles_are_timed_on_a_robot_its_camera_and_wheels_included(monkeypatch):
-    """In virtual time a cycle takes only the camera's period, 50 ms."""
+    """In virtual time, a cycle takes only the 50 ms of the camera's period."""
     clock = VirtualClock(100.0)
     driver, camera = FakeDriver(clock=clock), FakeCamera(clock, rate_hz=20.0)
     rig = Rig(driver, camera, make_policy("default-32"), clock)

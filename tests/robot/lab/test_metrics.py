@@ -1,4 +1,4 @@
-"""The measures of a drive, on drives short enough to count by hand."""
+"""The measures of a drive, on short drives whose values can be counted by hand."""
 
 import math
 from dataclasses import replace

@@ -1,5 +1,4 @@
-"""Many runs are saved one by one, can be resumed, and give the same results in parallel as one
-after the other.
+"""Runs are saved one by one, can be resumed, and have the same results in parallel and in sequence.
 
 tests/cluster uses a real cluster.
 """
@@ -52,7 +51,7 @@ def numbers(results: list[dict[str, Any]]) -> str:
 
 
 def run_edit(params: Params) -> Result:
-    """Change a file, like a person who tries an idea while it runs."""
+    """Change a file, like a person who edits an idea while it runs."""
     for path in params["files"]:
         Path(path).write_text("a = 2")
     return {"mark": params["mark"]}
@@ -131,7 +130,7 @@ def test_a_run_during_which_its_idea_was_changed_counts_for_neither(tmp_path):
         run_all([task], store, jobs=1)
     assert store.get(task) is None
     assert run_all([task], store, jobs=1) == [{"mark": 1}]
-    # # A change by another run, after the first run has ended, changes no figure.
+    # A change by another task, after the first task has ended, changes no result.
     idea.write_text("a = 1")
     mine = Task(run_edit, {"learner": f"{idea}:Name", "files": [], "mark": 1})
     other = Task(run_edit, {"learner": "default-32", "files": [str(idea)], "mark": 2})
@@ -151,7 +150,7 @@ def test_the_files_that_a_task_names_travel_with_it(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("name", "error"),
-    [("Teaching", "nothing can be learned"), ("Driving", "nothing can be said")],
+    [("Teaching", "this learner cannot learn"), ("Driving", "this learner cannot propose a move")],
 )
 def test_an_error_in_an_idea_ends_the_run_with_its_own_traceback(tmp_path, name, error):
     """In an earlier version, the loop went on without the learner, and a table with an SSD of
@@ -172,7 +171,7 @@ def test_a_process_that_is_killed_is_one_sentence(tmp_path):
 
 
 class NeverFetched:
-    """A future of Dask that is finished, whose worker was killed before its answer was fetched."""
+    """A finished future of Dask, whose worker was killed before the answer was fetched."""
 
     status = "finished"
 

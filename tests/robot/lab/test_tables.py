@@ -25,7 +25,7 @@ DRIVE = dict.fromkeys(FIGURES.split(), 1.0) | {"never": ["left"], "stuck": False
 
 
 def made_up(task: Task) -> dict[str, Any]:
-    """A result with every figure: plans and tables are tested without the runs between them."""
+    """Return a result with every figure, so that plans and tables are tested without real runs."""
     stage = {"examples": 100, "takeovers": 7, "decisions": 300, "scores": [0.0, 1.0]}
     drive = DRIVE | {"teacher": DRIVE}
     return {
@@ -103,7 +103,7 @@ def test_a_teacher_that_is_named_teaches_wherever_people_do(name):
 
 
 class Watched(ExperimentSettings):
-    """Settings that note which of them were read."""
+    """Settings that note the names that were read."""
 
     def __getattribute__(self, name: str) -> Any:
         SEEN.add(name)

@@ -1,5 +1,4 @@
-"""The filter drives steadily: for any votes and frame rate, the robot makes progress or asks for
-help."""
+"""For any votes and frame rate, the robot drives steadily, makes progress, or asks for help."""
 
 from __future__ import annotations
 
@@ -44,7 +43,7 @@ BETWEEN = 0.5 + 0.25 * (STRAIGHT_INERTIA + TURN_INERTIA)
         (LITTLE, None, False, F),
         (MUCH, L, False, F),
         (BETWEEN, L, False, L),
-        (1 - BETWEEN, F, False, L),  # driving straight yields sooner than a turn
+        (1 - BETWEEN, F, False, L),  # driving straight ends sooner than a turn
         (0.51, L, True, F),  # if the learner has contexts, only the votes decide
         (0.4, STOP, False, L),  # a robot that stands still makes no move
     ],
@@ -56,12 +55,12 @@ def test_a_move_goes_on_until_another_is_clearly_better(votes_for_f, under_way, 
 
 
 def test_proportional_steering_stays_on_the_side_of_the_current_turn():
-    """A pilot who steers proportionally never means to steer from lock to lock at each doubt."""
+    """Doubt between left and right must not make the robot steer from lock to lock."""
     steady = ActionFilter(KINDS, 0.0)
 
     def drive(shares, under_way, point):
         seen = see(steady, under_way=under_way, shares=shares, in_context=True)
-        seen.point = point  # as the part after the filter does
+        seen.point = point  # like the part after the filter
         return seen.action
 
     assert drive({F: 0.0, L: 0.4, R: 0.6}, None, Point(0.8, 0.5)) is R
@@ -195,13 +194,13 @@ def test_a_flash_of_light_does_not_make_all_after_it_look_still(drive):
 
 
 class Body:
-    """A robot that may stand at a wall, where driving straight has no effect."""
+    """A robot, perhaps at a wall, where driving straight has no effect."""
 
     def __init__(self, rate_hz=10.0, longest_lost_s=4.0, push_s=0.0):
         self.filter = ActionFilter(KINDS)
         self.dt_s, self.now_s, self.shift = 1 / rate_hz, 100.0, 0.0
         self.doing = STOP
-        self.pace = self.filter.pace  # the change that the policy would have measured
+        self.pace = self.filter.pace  # the change that the policy would measure
         self.pace.longest_lost_s, self.pace._pushes_s = longest_lost_s, [push_s] * 3
         for _ in range(20):
             self.pace.scale.add(60.0)  # two pictures of the wall differ by this much
@@ -270,7 +269,7 @@ def test_a_turn_that_the_votes_would_never_end_ends_by_the_pilots_own_measure(ra
 
 @crossed(rate_hz=[5, 10, 15, 30, 60], other=[0.0, 0.2, 0.49])
 def test_no_pilots_measure_allows_a_whole_circle(rate_hz, other):
-    whole_circle_s = 19.5  # about one wheel, through 360 degrees (`robot.lab.metrics`)
+    whole_circle_s = 19.5  # a turn about one wheel by 360 degrees (`robot.lab.metrics`)
     body = Body(rate_hz, longest_lost_s=LONGEST_LOST_S)
     sent = body.run(30.0, {F: 0.01, L: 0.99 - other, R: other})
     assert sent.index(F) / rate_hz < whole_circle_s

@@ -1,4 +1,4 @@
-"""The pilot's statement that left and right are alike, and a start from earlier models."""
+"""A pilot may say that left and right are alike, and a policy may start from earlier models."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_turning_the_vector_is_turning_the_picture():
     x, mirrored = (features.extract(frame_of(g)) for g in (grey, grey[:, ::-1]))
     n = features.n_gradients
     turned = x[features.mirror()].astype(float)
-    # Samples are at every second pixel, so the result differs in the last bits.
+    # The features sample every second pixel, so the results differ in the last bits.
     apart = [np.abs(each - mirrored[:n]).mean() for each in (turned, x[:n].astype(float))]
     assert apart[0] < 0.5 * apart[1]
     np.testing.assert_array_equal(x[features.mirror()][features.mirror()], x[:n])

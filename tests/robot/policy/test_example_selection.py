@@ -1,4 +1,4 @@
-"""Which examples are learned, and the contexts in which each counts."""
+"""Which examples are learned, and in which contexts each example counts."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def times_of(gaps_s):
 
 @given(rate_hz=st.floats(10.0, 120.0), jitter=st.floats(0.0, 0.15), seed=st.integers(0, 99))
 def test_any_camera_of_ten_frames_a_second_or_more_teaches_ten_a_second(rate_hz, jitter, seed):
-    """Frames are early or late by up to a share of the frame period."""
+    """Each frame is early or late by up to this share of the frame period."""
     dice, n_frames = random.Random(seed), round(20 * rate_hz)
     times_s = [(i + dice.uniform(-jitter, jitter)) / rate_hz for i in range(1, n_frames)]
     assert len(learned(times_s)) == pytest.approx(10.0 * (times_s[-1] - times_s[0]), abs=2.5)

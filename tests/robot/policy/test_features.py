@@ -98,7 +98,7 @@ def test_each_direction_has_its_bin(turn):
 
 @pytest.mark.parametrize("size", [(2, 2), (4, 4), (2, 4), (9, 9)])
 def test_a_view_is_the_same_to_a_camera_of_any_size(room, size):
-    """A model taught by a webcam of 160x120 knows the view of a phone's larger camera."""
+    """A model taught with a webcam of 160x120 recognises the view of a phone's larger camera."""
     extract = GradientFeatures().extract
     assert np.array_equal(extract(frame_of(np.kron(room, np.ones(size)))), extract(frame_of(room)))
 
@@ -115,7 +115,7 @@ def test_a_small_picture_is_enlarged(size):
 
 
 def test_an_edge_is_recognised_in_the_neighbouring_cell():
-    """Two views that differ in one cell only; then the same views shifted sideways by a cell."""
+    """Two views that differ in only one cell; then the same views, shifted sideways by one cell."""
 
     def view(column, is_left):
         x = np.zeros(GradientFeatures.n_gradients, np.uint8)

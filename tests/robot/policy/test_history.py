@@ -43,7 +43,7 @@ def teach(history: TrainingHistory, xs: Iterable[np.ndarray], first: int = 0) ->
 
 
 def teach_at(history: TrainingHistory, *times_s: float) -> None:
-    """Teach one example at each of these teaching times, to the last digit."""
+    """Teach one example at exactly each of these teaching times."""
     xs = vectors(history.policy, 3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("robot.policy.history._LONGEST_STEP_S", math.inf)
@@ -130,7 +130,7 @@ def test_teaching_time_begins_at_zero_and_undo_turns_it_back():
 
 
 def test_an_undo_learns_again_only_what_came_after_the_snapshot_before_it(history, monkeypatch):
-    teach_at(history, *(step * 0.5 for step in range(22)))  # a snapshot at 10.0, the last at 10.5
+    teach_at(history, *(step * 0.5 for step in range(22)))  # the snapshots are at 10.0 and 10.5
     learned_s: list[float] = []
     learn = history.policy.learn
 
@@ -177,7 +177,7 @@ def test_an_undone_example_is_not_the_last_one_of_an_image(learner):
     for x, at_s in zip(xs[81:83], (10.125, 10.25), strict=True):
         teach_forward(undone, x, at_s)
     assert len(undo_examples(undone, 0.2)) == 2
-    teach_forward(undone, xs[83], 10.26)  # this example comes too soon to be learned
+    teach_forward(undone, xs[83], 10.26)  # this example follows too soon to be learned
     teach_forward(untouched, xs[83], 10.01)
     states = [history.policy.get_state() for history in (undone, untouched)]
     assert same_nodes(*states)

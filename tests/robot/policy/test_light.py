@@ -1,4 +1,4 @@
-"""Adaptation to the light: a darker room does not count as another view."""
+"""The policy adapts to the light, so a darker room does not count as another view."""
 
 from __future__ import annotations
 

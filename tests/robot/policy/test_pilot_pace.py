@@ -80,7 +80,7 @@ def test_corrections_with_pauses_between_them_are_manoeuvres_of_their_own():
     pilot = Pilot()
     for _ in range(10):
         pilot.drive(L, 2.0)
-        pilot.now_s += 0.5  # the maximum teaching time that a pause counts for
+        pilot.now_s += 0.5  # the maximum teaching time of a pause
     assert pilot.pace.longest_lost_s == pytest.approx(2.0, abs=0.3)
 
 
@@ -112,7 +112,7 @@ def test_how_long_the_pilot_keeps_to_a_move_is_known_at_any_frame_rate(rate_hz, 
 
 
 def test_whether_a_move_is_straight_depends_on_its_effect_and_not_on_its_name():
-    """A still picture counts as a push for one body, and not for the other."""
+    """A still picture counts as pushing for one body, but not for the other."""
     push, name = [], Action("go")
     for steering in (0.0, 0.8):
         pilot = Pilot()

@@ -1,5 +1,4 @@
-"""The policy learns proportional steering beside the moves, and proposes it in the pilot's
-style."""
+"""The policy learns proportional steering beside moves, and proposes it in the pilot's style."""
 
 from __future__ import annotations
 
@@ -75,7 +74,7 @@ def taught(learner, seed, frames, **how):
 
 
 def answers(policy, seed, frames=60):
-    """Return each bend of another path, with the proposed move and point."""
+    """Return the bends of another path, each with the proposed move and point."""
     policy.reset()
     found = []
     for i, bend in enumerate(way(seed, frames)):
@@ -136,7 +135,7 @@ def test_a_model_with_a_move_steered_beyond_full_lock_is_refused():
 
 
 def test_the_linear_angle_is_that_of_all_examples_whenever_proportional_steering_began():
-    """An example taught as a move counts with the angle that the body declares for the move."""
+    """An example that was taught as a move counts with the move's declared steering."""
     dice = np.random.default_rng(4)
     xs = dice.integers(0, 256, (70, 12)).astype(np.uint8)
     labels = dice.integers(0, 3, 70)

@@ -27,8 +27,9 @@ _BEGINNINGS_S = itertools.count(1_700_000_000, 60)
 
 
 class RecordedBench(BenchRobot):
-    """A bench robot whose runs are recorded, by a recorder with some `limits` of its configuration;
-    only the test advances time."""
+    """A bench robot whose runs are recorded; `limits` are fields of the recorder's configuration.
+
+    Only the test advances time."""
 
     def __init__(
         self,
@@ -87,7 +88,7 @@ class RecordedBench(BenchRobot):
 
 
 def content(episode: Episode) -> dict[str, Any]:
-    """Return what is in a recording, for a comparison with another that must have the same."""
+    """Return a recording's content, for a comparison with another recording."""
     entries = episode.frames.items()
     return {
         "frames": [(i, e.captured_s, e.size, episode.frame(i).data) for i, e in entries],
@@ -104,7 +105,7 @@ def content(episode: Episode) -> dict[str, Any]:
 def record_drive(folder: Path, learner: str = "published-8", frames: int = 60) -> Episode:
     """Record one drive and open it.
 
-    The first one of a folder is a copy, because recording takes longer than most tests.
+    The first recording of a folder is a copy, because recording takes longer than most tests.
     """
     folder.mkdir(parents=True, exist_ok=True)
     if any(folder.iterdir()):

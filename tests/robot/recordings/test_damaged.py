@@ -91,9 +91,9 @@ def test_a_cut_recording_is_read_up_to_the_cut_and_gets_its_end(
             open_episode(path)
 
     if seed % 5 == 0:
-        path.write_bytes(path.read_bytes() + bytes(3000))  # as a power cut may leave it
+        path.write_bytes(path.read_bytes() + bytes(3000))  # a power cut may leave such a file
     ended = end_recording(path)
-    assert ended or not counted.is_readable or seed % 5 == 0  # zeros may end a chunk wrongly
+    assert ended or not counted.is_readable or seed % 5 == 0  # zeros may look like a chunk's end
     if ended:
         opened = open_episode(path)
         assert messages(path) == held
@@ -111,7 +111,7 @@ def test_a_cut_recording_is_read_up_to_the_cut_and_gets_its_end(
 def test_any_damage_is_described_and_no_readable_message_is_lost(
     path: Path, whole: bytes, true: set[tuple[int, bytes]], seed: int
 ) -> None:
-    """A file that is damaged in another way than by a cut is left as it is."""
+    """A file with any other damage than a truncation is left as it is."""
     rng, data = random.Random(seed), bytearray(whole)
     if seed % 2:
         del data[len(data) - 2000 :]
@@ -167,8 +167,8 @@ OURS = {RUN: {"format": "1", "origin_ns": "0"}}
 
 @pytest.fixture
 def _little_memory() -> Iterator[None]:
-    """Limit the memory, so that code that trusts an absurd length runs out of it."""
-    resource = pytest.importorskip("resource", reason="a limit of memory, which only Linux has")
+    """Limit the memory, so that code that trusts an absurd length fails."""
+    resource = pytest.importorskip("resource", reason="only Linux can limit the memory")
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + 600 * 2**20, hard))
@@ -193,7 +193,7 @@ def chunk(data: bytes, claims: int, compression: bytes = b"zstd", crc: int = 0) 
 
 
 def is_damaged(path: Path, record: bytes) -> str:
-    """Return the damage that is reported of a real recording whose first chunk is this record."""
+    """Replace the first chunk of a real recording by this record; return the reported damage."""
     data = record_drive(path.parent / "real", frames=5).path.read_bytes()
     at = len(MAGIC)
     while data[at] != 6:

@@ -36,7 +36,7 @@ def robot(tmp_path: Path) -> RecordedBench:
 
 
 def drive_and_edit(robot: RecordedBench, scenes: range, chance: random.Random) -> None:
-    """Teach, and relabel two learned images, as a person does; then stand."""
+    """Teach, relabel two learned images like a person, and then stand."""
     history = robot.loop.history
     robot.start(Mode.TRAIN, scenes.start)
     for scene in scenes:
@@ -56,7 +56,7 @@ def test_edits_of_images_and_their_undos_are_learned_again_also_from_rewritten_r
     chance, history = random.Random(seed), robot.loop.history
 
     def learned(names: list[str]) -> tuple[Any, int, list[tuple[str, int]]]:
-        """Return a learner, the number of edits left out, and the edits of images."""
+        """Learn these recordings; return the learner, the number of skipped edits, and edits."""
         policy = make_policy("default-8")
         episodes = [(store.open(name), store.notes(name)) for name in names]
         report = learn_again(policy, episodes)
@@ -87,7 +87,7 @@ def test_edits_of_images_and_their_undos_are_learned_again_also_from_rewritten_r
     before, left_out, _ = learned(names)
     n_later = max(2 - n_undone, 0) + 2 * (seed % 2)
     assert left_out == (n_later if seed % 3 < 2 else 0), "later edits of images are left out"
-    if n_undone > 1:  # else an edit of an image is left out
+    if n_undone > 1:  # otherwise an edit of an image is left out
         names.insert(2, store.split(edited, ids[10]))
     store.compact(edited)
     after, left_out_after, edits_after = learned(names)

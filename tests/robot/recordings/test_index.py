@@ -1,5 +1,6 @@
-"""A recording opened by its index equals the same recording read chunk by chunk, and needs little
-time and memory however long it is."""
+"""A recording that is opened by its index equals one that is read chunk by chunk.
+
+Opening needs little time and memory, however long the recording is."""
 
 from __future__ import annotations
 
@@ -115,7 +116,7 @@ def long(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def everything(episode: Episode) -> dict[str, Any]:
-    found = content(episode)  # this reads everything, because only then is the order known
+    found = content(episode)  # this reads the whole file, because the order is unknown before
     about = episode.run, episode.attachments, episode.moves, episode.frames.is_ordered
     return found | {"about": about}
 

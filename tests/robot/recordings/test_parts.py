@@ -51,8 +51,7 @@ MANY = 10**6
 
 
 def drive(folder: Path, **limits: float) -> RecordedBench:
-    """Drive through 80 pictures, undo examples on both sides of a part's beginning, and drive
-    on."""
+    """Drive through 80 pictures, undo examples around the beginning of a part, and drive on."""
     folder.mkdir(exist_ok=True)
     robot = RecordedBench(folder, **limits)
     robot.clock.set_wall(1_700_000_000)
@@ -175,7 +174,7 @@ def test_a_start_moves_no_file_of_a_recording(
 
 @pytest.fixture
 def left(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The program is killed after it has moved this many files; the test sets the number."""
+    """The number of files that the program moves before it is killed; the test sets the number."""
     left = [MANY]
 
     def moving(one: Path, target: Path) -> None:
@@ -192,7 +191,7 @@ def left(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_a_kill_separates_no_files_of_a_recording(
     driven: Path, tmp_path: Path, left: list[int], is_taken: bool
 ) -> None:
-    """Killed before any move of a deletion or of a restoration, it is in the list or the trash."""
+    """Whichever moves of a deletion or restoration are missing, the list or trash has it."""
     for is_restored, kept in product((False, True), range(4)):
         root = tmp_path / f"{is_restored}{kept}"
         store, episode_id = stored(root, driven)
@@ -258,7 +257,7 @@ def test_a_discarded_drive_leaves_no_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("left", [0, 4, 300, None])
 def test_a_power_cut_in_a_part_costs_only_what_was_not_synced(path: Path, left: int | None) -> None:
-    """The last part is missing, empty, or ends in its head or in its last chunk."""
+    """The last part is missing or empty, or is truncated in its header or last chunk."""
     last, whole = list(part_paths(path).values())[-1], open_episode(path)
     data, chunks = last.read_bytes(), [part for part in walk(last) if isinstance(part, Block)]
     last.unlink()
@@ -292,8 +291,7 @@ def test_a_missing_or_foreign_part_is_named_and_the_others_are_read(
 
 
 def test_the_recorder_keeps_nothing_of_earlier_parts(tmp_path: Path) -> None:
-    """Number of bytes that the recorder keeps in memory at the beginning of each part; a page of
-    marks covers 4096 frame ids."""
+    """`kept` has the recorder's bytes in memory; a page of marks covers 4096 frame ids."""
     clock = VirtualClock()
     config = RecorderConfig(spare_bytes=0, part_s=10.0)
     recording = OpenRecording(

@@ -1,4 +1,4 @@
-"""The recorder records everything that happens in a run, without delaying the loop."""
+"""The recorder records each event of a run, without delaying the loop."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
 
 
 def test_dates_are_those_of_the_drive_not_of_the_clocks_start(tmp_path: Path) -> None:
-    """The loop's clock showed 0 when the machine was switched on, days before the drive."""
+    """The machine was switched on days before the drive; only then was the loop's clock at 0."""
     robot = RecordedBench(tmp_path)
     robot.clock.advance(3 * 86_400.0)
     robot.clock.set_wall(1_700_000_000)
@@ -90,7 +90,7 @@ def test_dates_are_those_of_the_drive_not_of_the_clocks_start(tmp_path: Path) ->
 
 @pytest.mark.parametrize("seed", seeds(3, 10))
 def test_a_power_cut_costs_only_what_was_not_flushed_yet(tmp_path: Path, seed: int) -> None:
-    """At any moment the disk has a recording that ends at most a fifth of a second earlier."""
+    """At any moment, the recording on the disk lacks at most the last fifth of a second."""
     chance, robot = random.Random(seed), RecordedBench(tmp_path)
     start_s = robot.clock.now_s()
     robot.start(Mode.TRAIN)
@@ -101,11 +101,11 @@ def test_a_power_cut_costs_only_what_was_not_flushed_yet(tmp_path: Path, seed: i
             kept = [open_episode(path) for path in paths]
             ends_s = [episode.start_s + episode.duration_s for episode in kept]
             lost_s = robot.clock.now_s() - max([start_s, *ends_s])
-            assert lost_s <= FLUSH_EVERY_S + 2 * 0.1  # the disk's thread flushes when a step ends
+            assert lost_s <= FLUSH_EVERY_S + 2 * 0.1  # the disk's thread flushes after a step
 
 
 def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
-    """Read by the library itself, with the schemas in the file. Foxglove draws what is protobuf."""
+    """The library itself reads the file with its schemas. Foxglove draws the protobuf messages."""
     robot = RecordedBench(tmp_path)
     pose = Pose(x_m=1.0, y_m=2.0, heading_rad=3.0)
     robot.driver.sensors = Sensors(distance_m=0.5, bumped=False, pose=pose)
@@ -141,7 +141,7 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
 
 
 def test_the_score_of_a_game_that_is_not_finite_can_be_written() -> None:
-    """JSON has no such number. All other readings are finite, which test_loop_stops tests."""
+    """JSON has no infinity. All other readings are finite (test_loop_stops.py)."""
     game = Game(number=1, score=math.inf, reward=math.nan, is_over=False)
     told = json.dumps(describe_sensors(Sensors(game=game)), allow_nan=False)
     Draft202012Validator(SCHEMAS[Topic.SENSORS]).validate(json.loads(told))
@@ -239,7 +239,7 @@ def test_without_the_library_recording_is_off_with_a_message(
 def test_a_run_in_which_nothing_was_taught_is_dropped_unless_somebody_wants_it(
     tmp_path: Path, keeps_drives: bool, does: str, is_kept: bool
 ) -> None:
-    """An edit of what was learned is kept, too."""
+    """A recording also contains an edit of a learned image."""
     robot = RecordedBench(tmp_path, keeps_drives=keeps_drives)
     robot.drive(range(40))
     robot.stand(12)
@@ -289,7 +289,7 @@ def test_a_full_disk_ends_the_recording_and_the_next_drive_is_recorded_again(
     robot.stand(stood_s)
 
     taught = history.taught.total()
-    if teaches_at_once:  # in the same tick in which it starts
+    if teaches_at_once:  # in the tick in which the robot starts
         frame = robot.camera.show(100)
         robot.loop.set_mode(Mode.TRAIN)
         robot.clock.sleep(0.05)

@@ -1,5 +1,6 @@
-"""Episodes on disk are listed in any state, edited, deleted, restored, compacted and zipped, and
-none disappears while it is read."""
+"""Episodes on disk are listed, edited, deleted, restored, compacted and zipped.
+
+No episode disappears while it is read."""
 
 from __future__ import annotations
 
@@ -369,7 +370,7 @@ def test_no_recording_is_deleted_or_rewritten_while_another_process_reads_it(
         with pytest.raises(ConfigurationError, match="exported"):
             four.compact("one")
         assert "one.mcap" in being_read(folder)
-        reader.kill()  # the reader ends, and leaves its mark behind
+        reader.kill()  # the reader ends without removing its mark
     assert four.delete("one").ids == ("one",)
     assert not list(folder.glob(".reading*"))
 
@@ -377,7 +378,7 @@ def test_no_recording_is_deleted_or_rewritten_while_another_process_reads_it(
 def test_a_zip_holds_all_with_their_edits_up_to_their_present_end(
     four: EpisodeStore, folder: Path, drive: Path
 ) -> None:
-    """Only a part of the recordings is in memory, and the last one is still being recorded."""
+    """Only some of the recordings are in memory, and the last one is still being written."""
     large, made = folder / "large.mcap", folder.parent / "all.zip"
     large.write_bytes(drive.read_bytes() + bytes(24 * 2**20))
     paths, before = [*(folder / f"{name}.mcap" for name in NAMES), large], content(folder)

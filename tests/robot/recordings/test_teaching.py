@@ -1,5 +1,6 @@
-"""Learning again from recordings gives the same learner as driving, bit for bit, and edits change
-what is learned. The effect of edits is measured on held-out frames, against the edited labels."""
+"""Learning from recordings gives the same learner as driving, bit for bit, and edits change it.
+
+The effect of edits is measured on held-out frames, with the edited labels."""
 
 from __future__ import annotations
 
@@ -125,7 +126,7 @@ def test_a_bodys_own_moves_are_learned_again_bit_for_bit(tmp_path: Path, learner
 
 
 def test_a_recording_without_declared_moves_removes_no_move_from_a_policy(tmp_path: Path) -> None:
-    """A recording of 0.1, or of another program."""
+    """A recording of version 0.1, or of another program."""
     episode = record_own_moves(tmp_path / "a.mcap", ())
     going_on = make_policy("default-8", names(OWN))
     going_on.kinds.describe(OWN)
@@ -171,7 +172,7 @@ MOVES = (Action.FORWARD, Action.LEFT)
 
 
 def record(path: Path, labels: Sequence[Action], shown: Sequence[Action] | None = None) -> Episode:
-    """Record pictures that are bright on the left where left is the right move."""
+    """Record pictures that are bright on the left where turning left is correct."""
     noise = np.random.default_rng(len(labels))
     pictures = noise.integers(0, 60, (len(labels), 120, 160, 3), dtype=np.uint8)
     for pixels, truth in zip(pictures, shown or labels, strict=True):

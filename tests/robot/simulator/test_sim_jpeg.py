@@ -1,5 +1,4 @@
-"""The simulated camera: its JPEGs are small on the disk, like a webcam's, and its renderer leaks
-no memory."""
+"""The simulated camera's JPEGs are as small as a webcam's, and its renderer leaks no memory."""
 
 from __future__ import annotations
 
@@ -86,8 +85,7 @@ def test_experiments_get_uncompressed_pixels() -> None:
 
 @pytest.mark.parametrize("seed", seeds(1, 3))
 def test_larger_pictures_for_viewers_do_not_change_what_is_learned_and_recorded(seed: int) -> None:
-    """However many viewers watch, the robot's frames are the same as those of an unwatched
-    robot."""
+    """However many viewers watch, the robot's own frames stay the same."""
     chance = random.Random(seed)
     world = chance.choice(world_names())
     plan = [(chance.choice(MOVES), chance.random() < 0.5) for _ in range(60)]

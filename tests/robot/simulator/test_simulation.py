@@ -1,4 +1,4 @@
-"""The simulated body's motion, collisions and sensors equal numbers that were computed by hand."""
+"""The simulated body's motion, collisions and sensors have the values computed by hand."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def test_a_movable_box_yields_and_stops_at_the_wall() -> None:
 def test_a_push_beside_the_middle_turns_the_box() -> None:
     world = load_world("push")
     simulation = placed(world, 0.7, 1.18, seconds=3.0)
-    # Pushed on its left half, seen from the robot, it turns clockwise.
+    # The robot pushes the left half of the object, which therefore turns clockwise.
     assert simulation.world.obstacles[0].heading_rad < world.obstacles[0].heading_rad - 0.03
 
 
@@ -200,7 +200,7 @@ def test_a_robot_that_is_carried_about_starts_and_sees_where_it_is_each_time() -
 
 
 def test_another_thread_never_sees_the_place_that_the_robot_has_left() -> None:
-    """The page asks for the place after every line of the step, and always gets the new place."""
+    """The page asks for the pose after each line of a step, and always gets the new pose."""
     simulation = Simulation(load_world("box"), seed=0)
     simulation.first_world = load_world("office")
     shown = [simulation.shown_world.name]

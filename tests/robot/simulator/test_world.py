@@ -1,4 +1,4 @@
-"""Worlds are read from files: built-in worlds, a user's own worlds, and broken ones."""
+"""Built-in worlds and a user's own worlds are read from files, and broken ones are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The data folder works on any system's disk, beside any other programs."""
+"""The data folder works on the disks of all systems, and beside other programs."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_the_data_folder_is_the_chosen_or_the_systems(monkeypatch):
     assert default_root() == Path(platformdirs.user_data_dir("drivelesson", appauthor=False))
 
 
-@pytest.mark.skipif(not hasattr(os, "pathconf"), reason="the limit is asked of a POSIX system")
+@pytest.mark.skipif(not hasattr(os, "pathconf"), reason="only POSIX systems report this limit")
 @pytest.mark.parametrize("spare", [60, 120, 170])
 def test_a_folder_that_leads_to_too_long_paths_is_refused_at_once(tmp_path, spare):
     most = os.pathconf(tmp_path, "PC_PATH_MAX") - 1  # each path ends in a zero
@@ -70,7 +70,7 @@ def test_programs_that_start_at_once_do_not_hinder_each_other(tmp_path):
 
 def test_two_threads_that_write_one_file_at_once_do_not_mix(tmp_path):
     path = tmp_path / "drive.mcap"
-    # the files of an ending and of a compacting
+    # temporary files of ending and compacting recordings
     with ThreadPoolExecutor(1) as other, whole_file(path) as file:
         file.write(b"a" * 100_000)
         other.submit(write_whole, path, b"b" * 10).result()
@@ -80,8 +80,8 @@ def test_two_threads_that_write_one_file_at_once_do_not_mix(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="Linux has a folder that takes nothing")
-@pytest.mark.skipif(sys.platform != "linux", reason="/proc is such a file system")
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such a folder")
+@pytest.mark.skipif(sys.platform != "linux", reason="this file system exists only on Linux")
 def test_a_folder_of_a_file_system_that_cannot_flush_folders_is_used_all_the_same():
     """Older Linux systems cannot flush the folders of Windows and of virtual machines."""
     handle = os.open("/proc", os.O_RDONLY)
@@ -108,7 +108,7 @@ def test_a_folder_in_which_only_the_parts_are_writable_is_a_fault(tmp_path):
     assert fault is not None and str(tmp_path) in fault
 
 
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no such rights")
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no permission bits")
 @pytest.mark.parametrize("before", [None, 0o755, 0o777, 0o750])
 def test_nobody_else_can_enter_the_data_folder(tmp_path, before):
     root = tmp_path / "data"
@@ -136,7 +136,7 @@ def test_only_a_regular_file_of_the_allowed_size_is_read_into_no_larger_buffer(t
         read_regular(tmp_path, 1 << 20)
 
 
-# The lock of the program that records into it ---------------------------------------------------
+# The lock of the program that uses the folder ---------------------------------------------------
 
 
 def test_the_lock_names_its_process_and_is_released_when_it_ends_or_is_killed(tmp_path):

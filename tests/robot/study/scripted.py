@@ -50,8 +50,7 @@ text = "Would you do it again?"
 options = ["yes", "no"]
 """
 How = tuple[Mode, DrivenBy, Action, float | None]
-"""What a participant's robot does: its mode, its driver, its move, and the distance ahead in
-metres."""
+"""A participant's robot: its mode, its driver, its move, and the metres to the obstacle ahead."""
 
 
 def small_plan() -> StudyPlan:
@@ -92,8 +91,9 @@ class Participant:
         self.say("world", name="simulator", value="box")
 
     def drive(self, seconds: float, mode: Mode | None = None, how: How | None = None) -> None:
-        """Tick ten times a second, either as `how` says, or at random in the phase's mode or in
-        another mode. `how` may go on after the last phase."""
+        """Tick ten times a second with the states of `how`, which may go on after the last phase.
+
+        Without `how`, the states are random, in the phase's mode or another one."""
         for _ in range(round(seconds * 10)):
             if self.session.phase is None and how is None:
                 return

@@ -102,7 +102,7 @@ def test_a_file_that_is_not_a_study_is_refused_with_a_sentence(tmp_path, fault):
         file.write_bytes(b"PK\x03\x04 and no more")
     elif fault == "damaged":
         data = bytearray(pack(SMALL_PLAN, {}))
-        data[60:90] = bytes(range(225, 255))  # of the first file's packed bytes
+        data[60:90] = bytes(range(225, 255))  # changes the first file's packed bytes
         file.write_bytes(data)
     else:
         with zipfile.ZipFile(file, "w") as archive:
@@ -151,8 +151,7 @@ def test_the_thresholds_are_the_papers():
 def test_a_profile_is_the_share_of_readings_below_each_threshold():
     profile = behavior_profile([F, F, L, F, F, Action.STOP], [0.03, 0.05, 0.01, 0.05, 9.0, 0.0])
     assert set(profile) == {F, L}
-    # The four readings of FORWARD are 3, 5, 5 cm and far: of these 0, 0, 1, 3 are below 0, 2, 4, 6
-    # cm.
+    # Of FORWARD's four readings (3, 5 and 5 cm, and far), 0, 0, 1, 3 are below 0, 2, 4, 6 cm.
     assert profile[F][:4].tolist() == [0, 0, 0.25, 0.75]
     assert profile[F][-1] == 0.75
     assert profile[L][:3].tolist() == [0, 1, 1]

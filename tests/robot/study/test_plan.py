@@ -130,7 +130,7 @@ def test_between_participants_each_meets_one_in_turn(n):
     plan = parse_plan(f'title = "x"\nworld = "box"\ndesign = "between"\n{phase}{conditions}')
     met = Counter(plan.order(slot) for slot in range(3 * n))
     assert met == {(f"c{i}",): 3 for i in range(n)}
-    names = ("short", "long"), ("long", "short")  # within participants
+    names = ("short", "long"), ("long", "short")  # the design is within participants
     assert [small_plan().order(slot) for slot in range(4)] == [*names, *names]
 
 
@@ -181,10 +181,10 @@ def test_the_phases_follow_each_other_and_end_each():
         person.drive(seconds - 2, how=by(Action.FORWARD, 1.0))
         assert phase(person) == kind
         person.drive(2.3, how=by(Action.FORWARD, 1.0))
-        person.now_s += 60  # the pilot reads the next instruction
+        person.now_s += 60  # for reading the next instruction
     assert person.session.step is SessionStep.QUESTIONS
     assert sum(event.event == "phase_ended" for event in person.events) == 3
-    faster = begun(pace=30.0)  # of tests
+    faster = begun(pace=30.0)  # for the tests
     faster.drive(3.3, how=pilot(Action.FORWARD, 1.0))
     assert phase(faster) == "correct"
 

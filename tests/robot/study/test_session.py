@@ -23,7 +23,7 @@ from .scripted import SMALL_PLAN, Participant, driving, logs_of, small_plan
 
 
 def standing(session: StudySession) -> tuple[object, ...]:
-    """The session's position; the fraction of the clock belongs to the running program."""
+    """The session's position without the clock's fraction, which is not logged."""
     return (
         *(session.step, session.order, session.position, session.phase_index, session.phase_s),
         *(session.attempt, session.answers),

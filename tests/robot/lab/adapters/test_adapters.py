@@ -1,4 +1,4 @@
-"""The adapters pass all checks of their libraries, and learn the libraries' streams."""
+"""The adapters pass all checks of their libraries, and learn from the libraries' streams."""
 
 from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
@@ -16,7 +16,7 @@ pytestmark = [
 ]
 
 
-# Loaded only by the worker that runs these tests: scikit-learn takes a second.
+# Only the worker that runs these tests loads scikit-learn, because that takes a second.
 def for_sklearn(**options: Any) -> Any:
     from robot.lab.adapters.for_sklearn import BSOCEstimator
 
@@ -69,7 +69,7 @@ def test_river_takes_any_label_and_features_that_come_late():
     labels = [None, 3, ("a", 1), 2.5]
     for i in range(120):
         kind = i % 4
-        names = {f"{kind}-{j}": 1.0 + 0.01 * i for j in range(12)}  # 48 names in all
+        names = {f"{kind}-{j}": 1.0 + 0.01 * i for j in range(12)}  # in all, 48 names
         model.learn_one(names, labels[kind])
     for kind, label in enumerate(labels):
         assert model.predict_one({f"{kind}-{j}": 1.5 for j in range(12)}) == label

@@ -1,4 +1,4 @@
-"""In the loop of another program, the driving learner does the same as in ours, including undo."""
+"""In another program's loop, the driving learner does the same as in ours, including undo."""
 
 import math
 
@@ -81,7 +81,7 @@ def test_teaching_can_be_undone_and_an_invalid_time_is_refused():
     for at_s in (math.nan, math.inf):
         with pytest.raises(ValueError, match="seconds"):
             learner.see(noisy_blocks(1), at_s)
-        with pytest.raises(ValueError, match="see"):  # and an earlier picture is not taught twice
+        with pytest.raises(ValueError, match="see"):  # an earlier picture is not taught twice
             learner.teach("gas")
     assert learner.undo(0.95) == 10
     assert learner.n_examples == 20

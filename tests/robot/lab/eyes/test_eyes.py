@@ -58,8 +58,7 @@ def test_a_difference_lies_in_its_part_and_the_parts_add_up_to_it(features):
 
 
 def test_it_drives_by_few_examples_in_another_light():
-    """Three things to turn at or to pass, each seen from a few places, then from others and
-    darker."""
+    """Views of three objects, from a few places; later from other places, and darker."""
     moves = (Action.FORWARD, Action.LEFT, Action.RIGHT)
     things = {move: room(seed)[:60, :60] for seed, move in enumerate(moves, 10)}
 
@@ -79,7 +78,7 @@ def test_it_drives_by_few_examples_in_another_light():
 
 
 SEEN = [-0.321, 1.045, 1.027, 0.832]
-"""Recorded outputs of four channels at the picture's corner."""
+"""Recorded outputs of four channels at a corner of the picture."""
 
 
 def photograph(seed: int) -> Pixels:
@@ -93,7 +92,7 @@ def photograph(seed: int) -> Pixels:
 
 
 def test_its_outputs_are_standardised_and_equal_those_of_the_original_network():
-    """When `SEEN` was recorded, plain numpy, layer by layer, had the same outputs to 0.002."""
+    """When `SEEN` was recorded, a plain numpy version of each layer had these outputs to 0.002."""
     outputs = np.array([Network().run(photograph(seed)) for seed in range(5)])
     assert outputs.shape == (5, CHANNELS, ROWS, COLUMNS)
     np.testing.assert_allclose(outputs[1, ::20, 0, 0], SEEN, atol=5e-3)

@@ -1,5 +1,4 @@
-"""Third-party worlds: when teacher and robot drive, what counts as an example, and how well the
-teachers score."""
+"""In third-party worlds, teacher and robot drive in turn, and the teachers score well."""
 
 import contextlib
 import importlib.util
@@ -16,7 +15,7 @@ from tests.kit.sizes import IS_FULL
 
 
 class Lamp:
-    """A world with one lamp, left or right: a turn to the lamp scores a point."""
+    """A world with one lamp, left or right; a turn to the lamp scores a point."""
 
     moves = ("port", "starboard")
     longest = 40
@@ -48,7 +47,7 @@ class Lamp:
 
 
 class Turncoat(Lamp):
-    """A teacher that wants the other side in every drive except the first ones."""
+    """A teacher that wants the other side from the third drive on."""
 
     n_drives = 0
 
@@ -84,7 +83,7 @@ def test_only_mistakes_are_corrected_up_to_the_number_of_examples():
 CARS = [name for name in WORLDS if name.startswith("CarRacing")]
 LIBRARY = {"ViZDoom": "vizdoom", **dict.fromkeys(CARS, "Box2D")}
 GOOD = {"YMaze": 0.0, "ViZDoom": 1900.0, **dict.fromkeys(CARS, 25.0)}
-"""The least score of a teacher's drives, by world; in a maze a teacher may lose its way."""
+"""Minimum score of a teacher's drives in each world; in a maze a teacher may get lost."""
 TRIED = sorted(WORLDS) if IS_FULL else ["CarRacing", "Hallway", "ViZDoom", "YMaze"]
 
 
@@ -106,7 +105,7 @@ def test_the_teacher_reaches_the_goal_and_a_run_reports_it(name):
             n += 1
         assert n <= world.longest
         assert world.score >= GOOD.get(name, 1.0)
-    if name not in (*CARS, "YMaze"):  # these worlds take long, and show nothing more
+    if name not in (*CARS, "YMaze"):  # these worlds take long, and would show nothing new
         params = {"world": name, "way": "corrections", "seed": 3, "counts": [60], "drives": 1}
         (stage,) = run_ground({**params, "learner": "knn-1"})["stages"]
         assert 50 <= stage["examples"] <= 60 and len(stage["scores"]) == 1

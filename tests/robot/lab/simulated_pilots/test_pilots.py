@@ -1,4 +1,4 @@
-"""When a simulated pilot takes and returns the wheel, and how its hand carries out a decision."""
+"""When a simulated pilot takes and returns the wheel, and how its hand delays decisions."""
 
 from dataclasses import replace
 
@@ -51,7 +51,7 @@ def test_a_stick_is_held_as_wanted_and_a_slip_hits_a_button():
         assert sent == [(17, 1, 1.0, 0.25), (18, 2, 1.1, 0.25)]
         assert commands[1].held is (L if steering else F)
         assert commands[1].point == (Point(steering, 0.5) if steering else None)
-        hand.release()  # at once
+        hand.release()
         command = hand.send(3, 0.0, 1.1)
         assert command.held is None and command.point is None
 
@@ -59,7 +59,7 @@ def test_a_stick_is_held_as_wanted_and_a_slip_hits_a_button():
 def test_tremor_slips_as_often_as_it_should_and_repeats_with_its_seed():
     shaky = replace(STEADY, tremors_per_min=30.0, tremor_s=0.1)
     heard = held_over_time(shaky, [F] * 6000)
-    # Thirty slips a minute for ten minutes; half of them hit the button that is already held.
+    # Thirty slips a minute for ten minutes; half of the slips hit the button that is already held.
     assert heard.count("l") == pytest.approx(150, abs=45)
     assert heard == held_over_time(shaky, [F] * 6000)
     assert heard != held_over_time(shaky, [F] * 6000, seed="1")
@@ -111,7 +111,7 @@ def test_the_pilot_takes_the_wheel_and_returns_it(mode, takeover, doing, propose
 
 
 def looks(hand: HumanDelayConfig, rate_hz: int) -> list[float]:
-    """Show the pilot a camera's pictures for 20 s, and return the times of those he looked at."""
+    """Show the pilot a camera's pictures for 20 s; return the times of those that he looked at."""
     teacher = Strict()
     who = SimulatedPilot(teacher, (F, L), hand=hand)
     who.change_mode(Mode.TRAIN)

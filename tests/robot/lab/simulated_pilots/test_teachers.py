@@ -1,4 +1,4 @@
-"""The moves that simulated teachers want, in constructed situations and in their worlds."""
+"""The moves of simulated teachers, in constructed situations and in their worlds."""
 
 import math
 import statistics
@@ -102,12 +102,12 @@ def test_the_teacher_tolerates_moves_that_do_no_harm_but_no_long_stay():
 def test_the_papers_controller_turns_left_for_two_seconds():
     controller = SonarController()
     for at_s, distance_m, bumped, wanted in (
-        (0.0, 0.20, False, F),  # 20 cm is not below 20 cm
+        (0.0, 0.20, False, F),  # 20 cm do not count as below 20 cm
         (0.1, 0.19, False, L),
         (2.0, 1.0, False, L),
         (2.1, 1.0, False, F),
         (2.2, 1.0, True, L),
-        (4.2, 0.1, False, L),  # the thing is still near after two seconds, so turn for two more
+        (4.2, 0.1, False, L),  # the obstacle is still near after two seconds, so turn for two more
         (6.1, 1.0, False, L),
         (6.2, 1.0, False, F),
     ):

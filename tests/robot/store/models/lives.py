@@ -1,8 +1,7 @@
-"""A robot's starts and ends on one data folder, in virtual time: it is taught, undone, edited and
-killed, and its files are damaged.
+"""Starts, teaches, edits and kills a robot on one data folder, and damages files, in virtual time.
 
-`Lives` runs the real autosave, journal and store with the real loop; only threads and the disk's
-waiting are left out. `Lives` remembers the learner at each moment that must survive a kill.
+`Lives` runs the real autosave, journal and store with the real loop, but without threads and
+without waiting for the disk. `Lives` remembers the learner at each moment that must survive a kill.
 """
 
 from __future__ import annotations
@@ -120,8 +119,8 @@ class Life(BenchRobot):
         self.autosave.load_last()
         self.frame = 0
         # `durable` has the states that the next start may find after a kill: the newest written
-        # state, and later ones. `journalled` has those of the journal only, because a model's file
-        # may be damaged.
+        # state, and later ones. `journalled` has only the journal's states, because a model's
+        # file may be damaged.
         self.durable, self.journalled = [self.state()], [self.state()]
         if writes:
             self.write()
@@ -169,7 +168,7 @@ class Life(BenchRobot):
         self._do(lambda: undo_edit(self.loop.history))
 
     def drive(self) -> None:
-        """End a drive: some learners look for their place when the next one begins."""
+        """End a drive; at the beginning of the next drive, some learners look for their place."""
         self._do(self.loop.history.begin_drive)
 
     def save(self) -> None:
@@ -216,7 +215,7 @@ class Life(BenchRobot):
         self.journalled.append(self.state())
 
     def die(self) -> None:
-        """Kill the program: data that was only in memory is lost."""
+        """Kill the program, so that all data that is only in memory is lost."""
         self.journal._queue.clear()
         self.writer.stop()
 

@@ -1,5 +1,4 @@
-"""A model from any source is either refused with a reason, or can drive, learn, and be edited and
-saved."""
+"""A model from any source is refused with a reason, or can drive and learn, and can be edited."""
 
 from __future__ import annotations
 
@@ -122,7 +121,7 @@ def test_models_are_refused_before_they_are_unpacked(tmp_path):
 
 
 def peak_of(task: Callable[[], object]) -> int:
-    """Return the most memory that a task takes, in bytes."""
+    """Return the peak memory of a task, in bytes."""
     tracemalloc.start()
     task()
     peak = tracemalloc.get_traced_memory()[1]
@@ -134,7 +133,7 @@ def peak_of(task: Callable[[], object]) -> int:
 def test_an_upload_takes_no_more_than_its_trial_needs(tmp_path, learner):
     store = ModelStore(Storage(tmp_path))
     data = good(learner, 50)
-    try_model(decode_model(data))  # imports and caches of this kind of model
+    try_model(decode_model(data))  # load the imports and caches of this kind of model
     # The trial itself is the baseline: NumPy 2.5 needs one more matrix to check a factorisation.
     trial = peak_of(lambda: try_model(decode_model(data)))
     assert peak_of(lambda: store.add_file("x", data)) <= 1.1 * trial
@@ -217,7 +216,7 @@ def crafted(seed: int, *learners: str) -> Model:
 
 
 def drive(model: Model) -> Model:
-    """Drive, teach, undo and edit, as a person may; return the learned state."""
+    """Drive, teach, undo and edit like a person; return the learned state."""
     policy = model.to_policy()
     history = TrainingHistory(policy)
     xs, moves = views(policy.extract(FRAME).size), [*policy.moves, None]
@@ -238,7 +237,7 @@ def drive(model: Model) -> Model:
 
 
 def outcome(model: Model) -> str:
-    """Try a model; return the reason of its refusal, or that it drives."""
+    """Try a model; return the reason of its refusal, or `drives`."""
     try:
         try_model(model)
     except RecordingError as error:
@@ -269,7 +268,7 @@ def test_a_crafted_model_is_refused_or_drives(tenth):
         except Exception as error:
             error.add_note(f"seed {seed}")
             raise
-    if CRAFTED >= 1000:  # of only a few files, perhaps none is valid
+    if CRAFTED >= 1000:  # a few files may all be invalid
         assert min(found["refused"], found["drives"]) > 0
 
 
@@ -279,5 +278,5 @@ def test_a_crafted_model_is_refused_or_drives(tenth):
     n_views=[1, 120],
 )
 def test_a_real_model_drives(learner, n_examples, n_views):
-    """A robot that stands sees the same picture again and again."""
+    """A robot that stands still sees the same picture again and again."""
     assert outcome(real(learner, n_examples, n_views)) == "drives"

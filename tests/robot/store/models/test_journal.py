@@ -1,5 +1,4 @@
-"""After any sequence of kills, damage and full disks, written changes are there, and undone ones
-are gone."""
+"""After any kills, damage and full disks, written changes exist and undone changes do not."""
 
 from __future__ import annotations
 
@@ -42,7 +41,7 @@ def _no_waiting(monkeypatch):
 
 
 def damage(folder: Path, rng: random.Random) -> str:
-    """Damage one stored file, as disks and people do; return a description."""
+    """Damage one stored file in a realistic way; return a description."""
     found = [*folder.glob("journal/*"), *folder.glob("models/*/*"), folder / "models/current.txt"]
     files = sorted(path for path in found if path.is_file() and not path.is_symlink())
     how = rng.choice(DAMAGE)
@@ -70,7 +69,7 @@ def damage(folder: Path, rng: random.Random) -> str:
 
 @pytest.mark.parametrize("seed", range(SEEDS))
 def test_written_changes_survive_ten_kills_and_damage_and_undone_ones_do_not(tmp_path, seed):
-    """Every life is killed; between two lives one file is damaged and the clock is set anywhere."""
+    """Every run is killed; between two runs, one file is damaged and the clock is set."""
     rng = random.Random(seed)
     wall_s = [1.7e9]
     expected = None
@@ -207,7 +206,7 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
             changes = life.loop.history.changes
             asyncio.run(asyncio.wait_for(life.writer.written(changes), 60))
             assert life.writer._written == changes
-            # this holds only for the copy's own files
+            # this applies only to the copy's own files
             monkeypatch.setattr(os, "fsync", lambda handle: None)
             left = Storage(tmp_path / f"left-{changes}")
             shutil.copytree(tmp_path / "journal", left.journal)

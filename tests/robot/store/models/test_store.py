@@ -1,5 +1,4 @@
-"""Models are saved automatically by name, and in versions, so that a damaged version loses no
-teaching."""
+"""Models are saved automatically, in several versions, so that damage to one loses no teaching."""
 
 from __future__ import annotations
 
@@ -54,7 +53,7 @@ def test_only_the_last_versions_stay(store):
     for _ in range(KEEP_VERSIONS + 3):
         path = store.save("kitchen", some_model())
     assert versions(store, "kitchen") == ["00004.npz", "00005.npz", "00006.npz"]
-    for version in store.versions("kitchen"):  # with a time that the list cannot show
+    for version in store.versions("kitchen"):  # its time cannot be shown in the list
         version.write_bytes(encode_model(stamp(some_model(), saved_at_s=math.nan)))
     assert store.summary("kitchen") is None
     path.write_bytes(encode_model(stamp(some_model(), saved_at_s=math.inf)))
@@ -106,7 +105,7 @@ def test_a_model_whose_folder_somebody_named_is_saved_into_it(store, name):
 
 
 def everything(folder: Path) -> list[Path]:
-    """Return what is in a folder, and its neighbours."""
+    """Return the files in a folder and beside it."""
     return sorted([*folder.parent.iterdir(), *folder.rglob("*")])
 
 
@@ -276,7 +275,7 @@ def test_a_model_with_moves_that_the_robot_does_not_have_is_named_and_kept(robot
 
 
 def test_examples_of_the_current_tick_are_saved(robot):
-    """Autosave stops before the loop has reported the tick in which something was taught."""
+    """Autosave stops before the loop has reported the tick that taught an example."""
     taught, go_on = threading.Event(), threading.Event()
 
     def hold_up(tick):
@@ -317,7 +316,7 @@ def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot):
     robot.teach_now(1)
     name = robot.autosave.save()
     robot.teach_now(2)
-    robot.autosave.load(name)  # which saves first
+    robot.autosave.load(name)  # the loading saves the model first
     assert not robot.autosave.has_unsaved
     assert robot.loop.history.taught.total() == 2
     robot.teach_now(3)
