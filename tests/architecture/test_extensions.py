@@ -48,8 +48,8 @@ def packages_of(extensions: set[str]) -> set[str]:
 
 
 REMOVALS = [{e} for e in EXTENSIONS] if IS_FULL else [{*EXTENSIONS[i::4]} for i in range(4)]
-"""The extensions that are removed together: in CI each one alone, otherwise four groups, which take
-a quarter of the time."""
+"""Sets of extensions that are removed together: with DRIVELESSON_FULL=1 each extension by itself,
+otherwise four groups, which take a quarter of the time."""
 
 
 def place(source: str, target: str) -> None:

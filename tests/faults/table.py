@@ -14,7 +14,7 @@ MODES = ("train", "intervention", "autonomous")
 LIMIT_S = 0.5
 """Longest time in which the robot stands, in every mode, in seconds."""
 SEEDS = size("SEEDS", 6, 1_000)
-"""Number of drives in each cell of the table (`.ci/run`: 1,000)."""
+"""Number of drives in each cell of the table (1,000 with DRIVELESSON_FULL=1)."""
 
 
 def _set(part: str, **values: object) -> Change:

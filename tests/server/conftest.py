@@ -20,7 +20,7 @@ Say = Callable[..., str]
 
 @pytest.fixture
 def say(capsys):
-    """Run a command as a user types it; return what it says, on stderr if its status is not 0."""
+    """Run a command as a user types it; return its output, or its errors if the status is not 0."""
 
     def run(words: str, status: int = 0) -> str:
         assert main(words.split()) == status

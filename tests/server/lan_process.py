@@ -1,5 +1,4 @@
-"""Serves a bench robot with pairing, in a process with few descriptors, and sends requests to
-it."""
+"""Serves a bench robot with pairing in a separate process, which has few file descriptors."""
 
 import contextlib
 import json
@@ -24,7 +23,7 @@ DESCRIPTORS = 1024
 
 
 class Process:
-    """The running server; a test can ask it for a report."""
+    """A running server, which a test can ask for a report."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
@@ -65,7 +64,7 @@ def lan_process(log: Path) -> Iterator[Process]:
 
 
 def main(web: str) -> None:
-    """Serve until standard input ends; each line of input is answered by a line of notes."""
+    """Serve until standard input ends; answer each line of input with a report in JSON."""
     import resource  # not on Windows
 
     resource.setrlimit(resource.RLIMIT_NOFILE, (DESCRIPTORS, DESCRIPTORS))

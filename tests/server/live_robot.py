@@ -1,4 +1,4 @@
-"""Serves a bench robot in real time, and drives it by a pilot's program."""
+"""Serves a bench robot in real time, and drives it with a pilot's client."""
 
 from __future__ import annotations
 
@@ -131,8 +131,7 @@ class Pilot:
         self._say(type="drive", held=self.held)
 
     def _say(self, **order: Any) -> None:
-        """Send an order with the proof that it needs: the picture on the screen, the newest
-        nonce."""
+        """Send an order with the proof that it needs: the shown picture and the newest nonce."""
         with self._lock:
             self.seq += 1
             state = self.state if self.states else {"frame": None, "nonce": None}
@@ -154,8 +153,7 @@ class Pilot:
     def wait_for_state_with(
         self, wanted: Callable[[dict[str, Any]], bool], within_s: float = STANDING_AFTER_S
     ) -> dict[str, Any]:
-        """Return the newest state if it meets the condition, else the first later state that
-        does."""
+        """Return the newest state that meets the condition, or else the first later one."""
         return self.wait_for(
             lambda m: m["type"] == "state" and wanted(m),
             within_s,
@@ -179,7 +177,7 @@ class Pilot:
         within_s: float = STANDING_AFTER_S,
         seen: int = 0,
     ) -> dict[str, Any]:
-        """Return the first wanted message, apart from the first `seen` messages."""
+        """Return the first wanted message after the first `seen` messages."""
         deadline = time.monotonic() + within_s
         with self._news:
             while True:
@@ -218,7 +216,7 @@ class Pilot:
     def vanish(self) -> None:
         """Disconnect like a killed browser, without a closing handshake."""
         self._ending.set()
-        linger = struct.pack("ii", 1, 0)  # the connection ends with a reset, not a close
+        linger = struct.pack("ii", 1, 0)  # end the connection by a reset
         self.socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
         self.socket.socket.shutdown(socket.SHUT_RDWR)
 

@@ -1,10 +1,10 @@
-"""A change that was answered as done and saved survives a kill, whichever call the disk refuses.
+"""A change that the server reports as saved survives a kill, whichever call the disk refuses.
 
 Each route that writes runs on a robot in virtual time, whose disk refuses one call, or all calls
-from one on. The folder is copied when the answer arrives, as a kill would leave it, and a new start
-reads the copy. Unless the answer is a refusal or has `kept` false, the copy must be the same as
-with a sound disk. A copy at any earlier call of the disk must have the content before the change,
-or that after it. cli/test_main.py tests commands on a full disk.
+from one on. When the answer arrives, the folder is copied, as a kill would leave it, and a new
+start reads the copy. Unless the answer is a refusal or has `kept` false, the copy must be the same
+as with a sound disk. A copy at any earlier call must have the content before or after the change.
+cli/test_main.py tests commands on a full disk.
 """
 
 import random
@@ -34,7 +34,7 @@ from .virtual_server import VirtualServer
 
 MANY = 10**6
 CASES = size("DISK_CASES", 2, 24)
-"""Number of failing calls with which each write is tested; with MANY, each call fails in turn."""
+"""Number of calls that fail, one after the other, for each write; MANY means every call."""
 EPISODE = "/api/episodes/{episode}"
 WRITES: dict[str, tuple[str, str, Any]] = {
     "pin": ("POST", "/api/gallery/{node}", {"verb": "pin", "value": True}),
@@ -104,7 +104,7 @@ class Asked(NamedTuple):
     """The answer to a write, the folder as a kill would leave it, and the number of calls to the
     disk.
 
-    `copies` has a copy of the folder at each call of the disk, if the test wants them.
+    If the test wants them, `copies` has a copy of the folder at each call.
     """
 
     answer: httpx.Response
@@ -183,8 +183,7 @@ def is_kept(answer: httpx.Response) -> bool:
 
 
 def failures(calls: int) -> list[tuple[int, bool]]:
-    """Return which call fails, and whether all later ones fail too: the first call, and random
-    ones."""
+    """Return the first call and random ones, each with whether all later calls fail, too."""
     assert calls, "the request writes nothing"
     cases = [(first, always) for first in range(1, calls + 1) for always in (True, False)]
     return [cases[0], *random.Random(1).sample(cases[1:], min(CASES, len(cases)) - 1)]
@@ -214,7 +213,7 @@ def test_a_kill_during_a_change_loses_nothing_that_was_there_before_or_is_there_
     for copy in random.Random(1).sample(copies, min(CASES, len(copies))):
         for thing, held in holds(copy, asked.secrets).items():
             wanted = (before[thing], after[thing])
-            if thing in ("models", "episodes"):  # there may be a complete copy of the changed item
+            if thing in ("models", "episodes"):  # the copy may have the changed item twice
                 assert any(Counter(held) >= Counter(one) for one in wanted), (thing, copy.name)
             else:
                 assert held in wanted, (thing, copy.name)

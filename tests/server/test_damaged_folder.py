@@ -1,4 +1,4 @@
-"""However the data folder is damaged, the server starts, lists, drives, and reports moved files.
+"""However the data folder is damaged, the server starts and drives, and reports moved files.
 
 When the folder disappears, like a stick that is pulled out, nothing is written below its path.
 """
@@ -39,12 +39,12 @@ KINDS = (
     "fifo", "socket", "remove", "unreadable",
 )  # fmt: skip
 ABSENT = ("dangling", "loop", "link to folder", "fifo", "socket") if os.name == "nt" else ()
-"""Damage that Windows does not have, or allows only to few users."""
+"""Kinds of damage that do not exist on Windows, or that only few of its users can cause."""
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A data folder with a sample of everything, left by a kill."""
+    """A data folder with all kinds of content, as a kill leaves it."""
     root = tmp_path_factory.mktemp("whole") / "data"
     with running(root) as (rig, persistence):
         teach(rig)
@@ -113,7 +113,7 @@ def teach(rig: Rig) -> int:
 
 
 LARGEST = 2**24
-"""A larger file was damaged before by making it huge; do not read it into memory again."""
+"""Larger files are already damaged by their size, and must not be read into memory."""
 
 
 def damage(root: Path, rng: random.Random) -> str:
@@ -380,7 +380,7 @@ def test_a_folder_is_known_again_on_another_disk_and_refused_only_while_it_is_go
         with pytest.raises(OSError, match="data folder is gone"):
             write_whole(file, b"x")
         root.rmdir()
-        root.mkdir()  # the same USB stick, with another device number
+        root.mkdir()  # the same USB stick with another device number
         (root / MARK).write_bytes((away / MARK).read_bytes())
         assert presence.is_there() and presence.is_there()
         write_whole(file, b"x")
@@ -388,4 +388,4 @@ def test_a_folder_is_known_again_on_another_disk_and_refused_only_while_it_is_go
         assert not presence.is_there()
     finally:
         presence.end_watch()
-    write_whole(file, b"x")  # nobody watches the folder now
+    write_whole(file, b"x")  # the server does not watch the folder now

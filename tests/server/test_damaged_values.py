@@ -1,7 +1,6 @@
-"""Whatever value is in a stored file (NaN, text instead of a number, 1e400), no address answers
-5xx.
+"""Whatever value a stored file has (NaN, text instead of a number, 1e400), no request gets 5xx.
 
-Every JSON file of a folder in use is damaged in turn, and also the texts inside models.
+Every JSON file of a used folder is damaged in turn, and also the JSON texts inside models.
 """
 
 import io
@@ -124,6 +123,6 @@ def test_no_stored_value_makes_an_address_fail(lively, tmp_path, seed):
                 failed[address] = answer.text[:200]
             elif answer.headers.get("content-type", "").startswith("application/json"):
                 json.loads(answer.text, parse_constant=seen.append)
-                if seen:  # no browser reads this number
+                if seen:  # no browser can read this number
                     failed[address] = seen.pop()
     assert not failed, [str(path.relative_to(root)) for path in files[seed % len(files) :][:1]]

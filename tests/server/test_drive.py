@@ -1,4 +1,4 @@
-"""A pilot drives a served robot, others wait for the wheel, and nobody disturbs another."""
+"""A pilot drives a served robot, others wait for the wheel, and no client disturbs another."""
 
 import asyncio
 import gc
@@ -20,7 +20,7 @@ from .virtual_server import VirtualPilot
 
 Points = dict[str, Point]
 VISITS = size("VISITS", 30, 1_000)
-MOST_OBJECTS_A_VISIT = 20  # one page with its sockets and its queues is 350
+MOST_OBJECTS_A_VISIT = 20  # a page has 350, with its sockets and queues
 
 
 @pytest.fixture(params=["by moves", "proportional"])
@@ -134,7 +134,7 @@ def test_refused_messages_are_answered_and_counted(server):
 
 
 def test_plain_requests_return_the_robots_activity_and_pictures(server):
-    """A page needs these requests if the network blocks its websockets."""
+    """A page uses these requests if the network blocks its websockets."""
     with server.pilot() as pilot, httpx.Client(base_url=server.address) as client:
         assert client.get("/api/state").json()["mode"] == "stopped"
         pilot.mode("train")
@@ -159,7 +159,7 @@ def test_vanished_pages_leave_nothing_behind(server):
             server.forward(0.3)
             (page.vanish if number % 2 else page.close)()
             server.forward(0.2)
-        server.use_policy("published-8")  # a history grows with the time driven
+        server.use_policy("published-8")  # otherwise the history would grow
         for socket in server._sockets:
             server.link.forget(socket._up)
             server.link.forget(socket._down)
@@ -266,8 +266,8 @@ async def test_a_late_computer_slows_down_before_it_stops_and_says_so(world):
         """Delay the computer repeatedly; return the robot's messages and its speed."""
         said, until_s = [], world.clock.now_s() + for_s
         while world.clock.now_s() < until_s:
-            world.clock._now_s += late_s  # nobody runs, ...
-            await asyncio.sleep(1e-6)  # then everything that is due runs
+            world.clock._now_s += late_s  # nothing runs, ...
+            await asyncio.sleep(1e-6)  # ... and then everything that is due runs
             await asyncio.sleep(world.dice.uniform(0.1, 0.3))
             said.append((world.loop.state.link.is_busy, world.loop.state.decision.speed_scale))
         return said

@@ -1,4 +1,4 @@
-"""Whatever fault comes at whatever moment of a message, nothing moves without a fresh message.
+"""Whichever fault occurs at whichever moment, the robot moves only on fresh messages.
 
 Each run is drawn from a seed: (freeze | stall up | stall down | cut | reorder) x (before | while |
 after each message) x (client gone | silent | back) x every message of the protocol, over the real
@@ -25,13 +25,13 @@ MESSAGES = ("drive", "mode", "stop", "release", "take", "yield", "ping")
 STEERED = ("moves", "degrees")
 CASES = combined(FAULTS, MOMENTS, CLIENTS, MESSAGES, STEERED)
 RUNS = max(len(CASES), size("RUNS", 0, 2_000))
-"""The runs cover each of these cases at least once."""
+"""Number of runs; they cover each case at least once."""
 CHUNKS = size("CHUNKS", 1, 20)
 OLDEST_S = 0.3
 STANDS_WITHIN_S = 0.5
 _EPSILON_S = 1e-6
 _PICTURE = bytes(5000)
-"""The size of a JPEG of 160x120."""
+"""As many bytes as a JPEG of 160x120."""
 
 
 class Sent(NamedTuple):
@@ -53,7 +53,7 @@ class Page(Pilot):
         super().__init__(world, sees=True)
 
     def grip(self, move: str | None) -> None:
-        """Hold a move from the next message on, proportionally if the robot supports it."""
+        """From the next message on, hold a move; proportionally if the robot supports that."""
         self.held = move
         self.point = POINTS[move] if move and self._world.driver.takes_points else None
 
@@ -91,7 +91,7 @@ class Page(Pilot):
             act(message)
 
     def deliver_what_is_late(self) -> None:
-        """Release all held messages; those up in another order if the fault is reordering."""
+        """Release all held messages; `reorder` changes the order of those to the robot."""
         up, self._late_up = self._late_up, []
         down, self._late_down = self._late_down, []
         if self.reorders:
@@ -104,7 +104,7 @@ class Page(Pilot):
 
 
 async def driven(world: ServedWorld) -> Page:
-    """Return a page that sees, before a robot that was taught a move for its view."""
+    """Return a page that sees the picture of a robot that was taught a move for its view."""
     page = Page(world)
     await world.until(lambda: page.picture is not None and bool(page.state))
     frame, policy = world.camera.latest(), world.loop.history.policy
@@ -114,7 +114,7 @@ async def driven(world: ServedWorld) -> Page:
 
 
 class Watch:
-    """Compares every tick with the sent messages and their times; the robot itself is not asked."""
+    """Checks every tick by the sent messages and their times, without the robot's own state."""
 
     def __init__(self, world: ServedWorld, page: Page) -> None:
         self._world, self._page = world, page
@@ -145,8 +145,7 @@ class Watch:
 
 
 def _break(page: Page, fault: str, lasts_s: float) -> None:
-    """Begin the fault. A frozen process notices nothing: only the clock has moved on when the
-    freeze ends."""
+    """Begin the fault. For a frozen process, only the clock has moved on when the freeze ends."""
     if fault == "freeze":
         page._world.clock.advance(lasts_s)
     elif fault == "stall up":
@@ -160,7 +159,7 @@ def _break(page: Page, fault: str, lasts_s: float) -> None:
 
 
 async def play(world: ServedWorld, case: tuple[str, str, str, str]) -> list[str]:
-    """Drive, cause the fault around the message, and watch; return the violations."""
+    """Drive, cause the fault around the message, and return the violations."""
     fault, moment, client, kind = case
     dice, page = world.dice, await driven(world)
     await world.forward(dice.uniform(0.0, 0.2))

@@ -1,7 +1,7 @@
-"""A real server answers nonsense; its memory stays small, and the loop continues.
+"""A real server survives nonsense: its memory stays small, and the loop continues.
 
-Every route keeps its description in `/openapi.json`: bodies, answers and errors, with valid and
-invalid values. DRIVELESSON_FUZZ is the number of messages; `make test` sends 1,000, CI 100,000.
+Every route behaves as `/openapi.json` describes: bodies, answers and errors, with valid and
+invalid values. DRIVELESSON_FUZZ sets the number of messages: 1,000, or 100,000 at full size.
 """
 
 import contextlib
@@ -50,7 +50,7 @@ def nonsense(dice: random.Random) -> str | bytes:
 
 
 def drive_message(dice: random.Random) -> str | bytes:
-    """Return nonsense, or a message of a page in which some values are others."""
+    """Return nonsense, or a message of a page with some values replaced."""
     if dice.random() < 0.4:
         return nonsense(dice)
     message = dice.choice(UP)

@@ -1,5 +1,4 @@
-"""Every described route answers nonsense values by a 4xx with a sentence, never by a 5xx or a
-crash.
+"""Every described route answers invalid values by a 4xx with a sentence, never by a 5xx.
 
 test_fuzz.py tests memory, and malformed models.
 """
@@ -27,7 +26,7 @@ REFUSED = (
     '"\\ud83d"', '"Kitchen \\ud83d"', '"' + "x" * 10_000 + '"', "NaN", "1e400", "9" * 5_000,
     '"../../x"',
 )  # fmt: skip
-"""Values that almost no field accepts."""
+"""Values that nearly every field must refuse."""
 OTHERS = (
     "Infinity", "-1", "null", "true", "[]", "{}", '[["x"]]', '""', '"default-999999"',
     '"\\u0000"', "-0", '"CON"', '"\\u202e"',
@@ -53,7 +52,7 @@ class Robot:
         self.routes = [one for one in described_routes(spec) if one.path not in left_out]
 
     def existing(self, path: str) -> str:
-        """Return the path with the names of what exists."""
+        """Return the path with the names of existing items."""
         model = self.client.get("/api/models").json()["current"]
         known = {"episode_id": self.episode, "name": quote(model, safe="")}
         return re.sub(r"{(\w+)}", lambda found: known.get(found[1], "1"), path)
@@ -132,7 +131,7 @@ def test_no_hostile_query_or_body_makes_a_route_fail(robot):
 
 @pytest.mark.parametrize("kind", ["application/x-www-form-urlencoded", "text/plain"])
 def test_a_body_that_does_not_say_that_it_is_json_is_told_how_to(robot, kind):
-    """Send the body as `curl -d` does."""
+    """Send the body like `curl -d`, as a form."""
     routes = [route for route in robot.routes if route.fields]
     answers = [robot.ask(route.method, route.at(), b"{}", kind) for route in routes]
     assert [answer for answer in answers if answer.is_success] == []

@@ -1,4 +1,4 @@
-"""A robot has a name, keeps it, and can be renamed."""
+"""A robot has a name that stays, and can be renamed."""
 
 import httpx
 import pytest

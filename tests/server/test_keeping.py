@@ -1,4 +1,4 @@
-"""However a real process ends, everything that was taught is there again at the next start.
+"""However a real process ends, the next start has everything that was taught.
 
 test_damaged_folder.py tests other damage to a folder.
 """
@@ -23,7 +23,7 @@ from tests.robot.store.models.test_journal import check_a_disk_whose_flush_hangs
 from .live_robot import Pilot
 
 NOT_OURS = "\udcff\udcfe"
-"""A name that is no UTF-8: the bytes FF FE."""
+"""A file name that is not UTF-8: the bytes FF FE."""
 MOVED = ("models", "episodes", "trash", "robot.json", ".lock.pid")
 
 
@@ -51,9 +51,9 @@ def test_taught_examples_survive_every_kind_of_end(tmp_path, monkeypatch):
         assert teach(server, 5) == 0
         server.process.kill()
     ends = [signal.SIGTERM, signal.SIGINT]
-    # if SIGHUP is ignored, `nohup` runs this test
+    # SIGHUP is ignored if `nohup` runs this test
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        ends.append(signal.SIGHUP)  # as if a terminal's window was closed
+        ends.append(signal.SIGHUP)  # like a terminal window that is closed
     for end in ends if IS_FULL else ends[:1]:
         it_ends_with_everything_saved_and_goes_on_from_there(folder, end)
     (tmp_path / "hung").mkdir()
@@ -89,7 +89,7 @@ def a_second_server_leaves_the_folder_of_the_first_alone(first: Served, folder: 
 
 
 def it_ends_with_everything_saved_and_goes_on_from_there(folder: Path, end: signal.Signals) -> None:
-    """The end does not wait for unfinished requests."""
+    """The server's end does not wait for unfinished requests."""
     with served(folder, "--name", "sim") as server:
         before = teach(server, 20)
         with server.unfinished():

@@ -1,7 +1,7 @@
 """Uses docs/examples/lerobot with a served robot, but without LeRobot, which the example's
 connection does not need.
 
-DRIVELESSON_FULL=1 compares 10,000 orders (.ci/run).
+DRIVELESSON_FULL=1 compares 10,000 orders.
 """
 
 import contextlib
@@ -115,7 +115,7 @@ def test_a_message_that_is_read_late_was_sent_when_the_robot_says():
     for i in range(20):
         sent.at_s(1000.0 + 100 * i, 500.0 + 0.1 * i)
     assert sent.at_s(3000.0, 504.0) == pytest.approx(502.0), "2 s of waiting in the socket"
-    for i in range(36_000):  # an hour in which this clock is 50 parts in a million ahead
+    for i in range(36_000):  # for an hour, this clock runs 50 ppm too fast
         now_s, robot_ms = 504.0 + 0.1 * i * 1.00005, 5000.0 + 100 * i
         assert now_s - sent.at_s(robot_ms, now_s) < 0.01
 
@@ -140,7 +140,7 @@ def an_order_waits_for_a_proof_that_is_young_enough(
             assert line._seq - before <= 1, "at most the message in progress was sent"
         # If the robot still finds the proof too old, the order is sent again.
         monkeypatch.setattr(part("line"), "_DONE_WITHIN_S", 30.0)
-        for _ in range(20):  # a newer proof may come first, or a busy machine makes it stand
+        for _ in range(20):  # a newer proof may arrive first, or a busy machine stop it
             line.begin()
             line.drive(asks(0.0, 0.0))
             before = server.hub.refused["stale"]
@@ -148,7 +148,7 @@ def an_order_waits_for_a_proof_that_is_young_enough(
             is_done = line.drive(asks(-1.0, 0.5)) == (-1.0, 0.5)
             if is_done and server.hub.refused["stale"] > before:
                 return
-        pytest.fail("no order was given again")
+        pytest.fail("the order was never sent again")
 
 
 def without_the_wheel_it_does_not_begin(
@@ -172,7 +172,7 @@ def what_the_server_refuses_is_read_and_said_once_a_second(
     caplog.clear()
     with line_to(server) as line:
         line.begin()
-        # this proof was fresh when we joined, but is too old now
+        # this proof was fresh when the line opened, but is too old now
         line.points["spin_left"] = (-1.0, 0.0)
         assert line.drive(asks(-1.0, 0.0)) == (0.0, 0.0)
         for _ in range(20):

@@ -1,4 +1,4 @@
-"""Real sockets and threads work, with and without TLS; no test judges their speed.
+"""Real sockets and threads work, with and without TLS; no test checks their speed.
 
 Further tests are in test_drive.py and test_security.py.
 """
@@ -63,7 +63,7 @@ def test_tls_with_an_authority_of_our_own(tmp_path):
 
 
 async def _first_message(url: str, headers: dict[str, str], trust: ssl.SSLContext) -> str:
-    """`websockets.sync` is not used, because it reads and writes one TLS session from two threads:
-    of a thousand requests Python 3.11 then loses one or two before they are sent."""
+    """This test does not use `websockets.sync`, which reads and writes one TLS session from two
+    threads: Python 3.11 then loses one or two of a thousand requests."""
     async with connect(url, ssl=trust, additional_headers=headers, compression=None) as socket:
         return str(await socket.recv())

@@ -1,4 +1,4 @@
-"""A late release or a late start does not undo a STOP that its sender had not seen."""
+"""A late release or start does not undo a STOP that its sender had not seen."""
 
 import contextlib
 from collections.abc import Awaitable, Callable
@@ -46,7 +46,7 @@ STOPS: dict[str, Callable[[ServedWorld], Awaitable[None]]] = {
 
 
 async def _stopped(world: ServedWorld) -> Pilot:
-    """Return a page that sees its own STOP, on a link that is slow from then on."""
+    """Return a page that sees its own STOP; from then on, the link is slow."""
     pilot = await world.pilot(sees=True)
     pilot.send(type="stop")
     await pilot.wait_for_state(emergency=True)

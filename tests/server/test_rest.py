@@ -1,4 +1,4 @@
-"""A robot that stands unwatched rests, and is awake at once when a client connects."""
+"""A standing robot that nobody watches rests, and wakes up at once when a client connects."""
 
 import httpx
 import pytest
@@ -51,7 +51,7 @@ def test_an_unwatched_robot_takes_no_pictures_and_rarely_ticks(resting):
 
 
 def test_a_viewer_gets_no_old_picture_and_soon_a_new_one(resting):
-    with resting.pilot() as pilot:  # a page whose next state is due when the viewer comes
+    with resting.pilot() as pilot:  # the next state of this page is due when the viewer connects
         pilot.send(type="idle")
         resting.forward(5.0)
         came_s = resting.clock.now_s()
@@ -112,7 +112,7 @@ def test_a_page_without_a_picture_leaves_the_robot_at_rest(resting):
 def test_a_pilot_starts_at_once_and_the_rest_does_not_count_as_the_cameras_period(
     resting, rested_s, sees
 ):
-    """In an earlier version, the first state came up to 150 ms after the pilot."""
+    """In an earlier version, the first state arrived up to 150 ms after the pilot."""
     resting.forward(rested_s)
     came_s = resting.clock.now_s()
     with VirtualPilot(resting, sees=sees) as pilot:

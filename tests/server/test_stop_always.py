@@ -1,4 +1,4 @@
-"""Every STOP by anybody who may stop is obeyed, and two clients keep their slots.
+"""Every STOP by a client with the right to stop is obeyed, and owner and pilot keep their slots.
 
 The machine runs the real application in virtual time, with small limits.
 access/test_unpaired_flood.py presses STOP on real sockets, while others flood the server.
@@ -82,7 +82,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
 
     @rule(person=st.sampled_from(("viewer", "pupil", "greedy")), times=st.sampled_from([1, 70]))
     def redeem_again(self, person: str, times: int) -> None:
-        """Redeem with a browser, which has one session, or as if from many browsers."""
+        """Redeem tokens with one browser, which has one session, or as if from many browsers."""
         token = self._invitation()
         before = dict(self.cookies)
         self.cookies[person] = self._redeem(token, before[person])
@@ -115,7 +115,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
                 self.server.address + "/api/stop", headers=self.cookies[person], timeout=60
             )
             if person == "greedy" and answer.status_code == 401:
-                return  # newer sessions of the same person have evicted it
+                return  # newer sessions of this person have evicted the session
             assert answer.status_code == 200, f"the {person}'s STOP: {answer.status_code}"
         self._is_obeyed(f"the {person}'s")
 
@@ -124,7 +124,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
         for socket in list(self._open_sockets(person)):
             self.sockets[person].remove(socket)
             socket.close()
-        self.server.forward(1.0)  # at most one request in this time is allowed, for any client
+        self.server.forward(1.0)  # so that the rate limit admits the next request
         assert self._open(person), f"the {person} cannot come back"
 
     @precondition(lambda self: self.server.hub.broadcast.clients)
@@ -152,7 +152,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
         return self.sockets[person]
 
     def _send(self, socket: VirtualSocket, texts: list[str]) -> None:
-        async def send() -> None:  # all at once
+        async def send() -> None:  # all messages at once
             for text in texts:
                 socket._socket.send(text)
 

@@ -16,7 +16,7 @@ from .virtual_server import VirtualServer
 
 @pytest.fixture
 def taught(tmp_path):
-    """A running robot that was taught 40 frames within four seconds of its time."""
+    """A running robot that was taught 40 frames within four virtual seconds."""
     with VirtualServer(data=tmp_path) as server:
         teach_a_default_model(server)
         yield server
@@ -28,7 +28,7 @@ def teach_a_default_model(server: VirtualServer) -> None:
 
 
 def ask(server: VirtualServer, method: str, path: str, **options: Any) -> httpx.Response:
-    # There is no TLS here, because reading the certificates would take longer than the request.
+    # `verify=False` saves the reading of certificates, which takes longer than the request.
     return httpx.request(method, server.address + path, timeout=10, verify=False, **options)
 
 
@@ -42,7 +42,7 @@ def gallery(server: VirtualServer) -> dict[int, dict[str, Any]]:
 def test_the_gallery_lists_every_image_with_its_picture(taught):
     images = gallery(taught)
     assert len(images) == 8
-    # With one view only a change of label is learned: every fourth example, and the next one.
+    # If the view stays the same, only changes of the label are learned: two of four examples.
     assert sum(image["frames"] for image in images.values()) == 20
     assert {image["angle"] for image in images.values()} == {None}, "taught by moves only"
     picture = ask(taught, "GET", f"/api/gallery/{next(iter(images))}.png")

@@ -62,7 +62,7 @@ def test_a_vector_of_another_length_or_an_invalid_point_teaches_nothing(name, ba
     loaded.set_state(policy.get_state())
     for learner in (policy, loaded):
         before = learner.get_state()
-        for at_s in (5.01, 9.0):  # the first example only sets the clock
+        for at_s in (5.01, 9.0):  # 5.01 s is too soon after the last example
             with pytest.raises(ValueError, match=r"values|must lie in"):
                 learner.learn(x, F, at_s, Point(*point))
         assert same_state(before, learner.get_state())

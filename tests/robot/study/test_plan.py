@@ -184,7 +184,7 @@ def test_the_phases_follow_each_other_and_end_each():
         person.now_s += 60  # for reading the next instruction
     assert person.session.step is SessionStep.QUESTIONS
     assert sum(event.event == "phase_ended" for event in person.events) == 3
-    faster = begun(pace=30.0)  # for the tests
+    faster = begun(pace=30.0)
     faster.drive(3.3, how=pilot(Action.FORWARD, 1.0))
     assert phase(faster) == "correct"
 

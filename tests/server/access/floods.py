@@ -1,9 +1,9 @@
 """Programs that flood a server, in separate processes; for test_unpaired_flood.py.
 
-`floods unpaired PORT COUNT` closes this many connections at once, sends what else an unpaired
+`floods unpaired PORT COUNT` opens and closes this many connections, sends what else an unpaired
 program can send, and prints how many of its half requests and idle connections the server has
-closed. `floods paired PORT COOKIE` holds as many
-connections of a paired browser as it can, and sends as many messages, until it is killed.
+closed. `floods paired PORT COOKIE` holds as many connections of a paired browser as it can, and
+sends as many messages as it can, until it is killed.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ def is_closed(line: socket.socket) -> bool:
             pass
     except TimeoutError:
         return False
-    except OSError:  # a reset
+    except OSError:  # the server has reset the connection
         pass
     return True
 
@@ -70,7 +70,7 @@ async def paired(port: int, cookie: str) -> None:
     """Hold all connections until cancelled."""
 
     async def hold(path: str, more: str = "", burst: bytes = b"") -> None:
-        """Hold one connection for as long as the server allows, and then open the next."""
+        """Hold one connection as long as the server allows, and then open the next one."""
         head = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: {cookie}\r\n{more}\r\n"
         while True:
             with contextlib.suppress(OSError, EOFError):

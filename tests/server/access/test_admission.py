@@ -1,4 +1,4 @@
-"""Whatever connections people open, limits hold, and people with few connections keep them."""
+"""Whatever connections are opened, limits hold, and people with few connections keep them."""
 
 import pytest
 from hypothesis import settings
@@ -20,7 +20,7 @@ PROTECTED = ("owner", "pilot")
 
 
 class PeopleAtTheDoor(RuleBasedStateMachine):
-    """Connections open, send requests, idle and end, and some people want all slots."""
+    """Connections open, send requests, become idle and end; some people want all slots."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -108,7 +108,7 @@ TestPeopleAtTheDoor.settings = settings(
 
 
 class Crowd:
-    """An admission control, and the ports of the connections that it closed, in that order."""
+    """An admission control, with the ports of the connections that it has closed, in order."""
 
     def __init__(self, limits: NetworkLimits = LIMITS, capacity: int = CAPACITY) -> None:
         self.control, self.gone = AdmissionControl(limits, capacity), list[int]()

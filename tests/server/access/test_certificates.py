@@ -1,5 +1,4 @@
-"""Which certificate a browser gets that trusts the robot's authority, and when the certificate is
-renewed."""
+"""Which certificate a browser that trusts the robot's authority gets, and when it is renewed."""
 
 import datetime as dt
 import ssl
@@ -44,7 +43,7 @@ def handshake(client: ssl.SSLContext, server: ssl.SSLContext, name: str | None =
 
 
 def certified(made: Certificates, *names: str) -> None:
-    """Request each name from a server with these files; SSLError if the client refuses it."""
+    """Connect under each name to a server with these files; SSLError if the client refuses it."""
     client = ssl.create_default_context(cafile=made.authority)
     client.verify_flags |= ssl.VERIFY_X509_STRICT
     for name in names:

@@ -1,5 +1,4 @@
-"""The listening socket counts connections, makes clients wait, and survives a lack of
-descriptors."""
+"""The listening socket counts connections, and survives a lack of file descriptors."""
 
 import asyncio
 import contextlib
@@ -39,7 +38,7 @@ def test_a_listener_counts_evicts_and_refuses_while_others_are_served():
         listening(lambda listener, no=number: without_descriptors_it_turns_away(listener, no))
     listening(what_has_come_is_read_before_it_is_pushed_out, pending=40)
     listening(a_stop_is_handed_on_first_and_of_one_person_a_share, connections_each=8)
-    if sys.platform == "linux":  # only Linux reports the size of a window
+    if sys.platform == "linux":  # only Linux reports the window's size
         what_a_client_has_not_read_is_known_though_its_system_has_taken_it()
 
 
@@ -100,7 +99,7 @@ def an_evicted_connection_sees_the_end(listener: AdmissionListener) -> None:
 
 
 def a_reused_port_is_counted_again(listener: AdmissionListener) -> None:
-    """The late end of the previous connection must not free the current connection's slot."""
+    """The late end of an earlier connection must not free the current connection's slot."""
     admission, port = listener.admission, 0
     held = []
     for _ in range(3):
@@ -119,7 +118,7 @@ def a_reused_port_is_counted_again(listener: AdmissionListener) -> None:
 
 
 def without_descriptors_it_turns_away(listener: AdmissionListener, number: int) -> None:
-    """The listener does not spin, either."""
+    """The listener does not loop forever, either."""
     real, failures = socket.socket.accept, iter([True, False, True, False])
 
     def failing(self: socket.socket) -> Any:
@@ -171,7 +170,7 @@ def a_stop_is_handed_on_first_and_of_one_person_a_share(listener: AdmissionListe
 
 def what_a_client_has_not_read_is_known_though_its_system_has_taken_it() -> None:
     listener, client = socket.create_server(("127.0.0.1", 0)), socket.socket()
-    # the viewer's window stops growing
+    # until the viewer's window stops growing
     client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65_536)
     client.connect(listener.getsockname())
     connection, peer = listener.accept()

@@ -1,4 +1,4 @@
-"""No page stays dead if many paired browsers behind one address load it at once.
+"""Every page loads, even if many paired browsers behind one address load it at once.
 
 Each browser has six connections, like a real one, and requests what a first visit needs: the
 document, its files, its service worker, both websockets and a first picture.
@@ -40,12 +40,12 @@ WAYS = (
 
 @pytest.mark.realtime
 def test_no_page_is_dead_however_many_browsers_come_at_once(tmp_path, monkeypatch):
-    pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")
+    pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets lacks it")
     with monkeypatch.context() as patch:
-        # Windows has 384, and a class of 30 opens 240 at once, so half of its pages lost a file.
+        # Windows allows 384; a class of 30 opens 240 at once, so half of the pages lacked a file.
         patch.setattr(gateway, "connection_capacity", lambda: 100)
         check_no_page_is_dead("http", tmp_path / "few", 8)
-    # A page has six connections and two websockets, and opens more, so Windows allows 32 pages.
+    # With a reserve, a page needs twelve connections, so Windows allows 32 pages.
     count = min(size("BROWSERS", 6, 60), connection_capacity() // 12)
     for way in WAYS:
         check_no_page_is_dead(way, tmp_path / way.replace(" ", "-"), count)
@@ -145,8 +145,7 @@ def _serving(way: str, folder: Path) -> Iterator[Callable[[], Browser]]:
             site = (
                 site_of_the_docs(port, [server.port], folder, tls=True)
                 if is_tls
-                # The uvicorn of Debian 12 refuses requests with an `Upgrade` header that are not an
-                # upgrade.
+                # Debian 12's uvicorn refuses an `Upgrade` header without an upgrade.
                 else plain_site(port, server.port, connection="$http_connection")
             )
             stack.enter_context(running_nginx(folder / "nginx", site, port))

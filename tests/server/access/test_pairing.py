@@ -1,4 +1,4 @@
-"""Each browser has one session, which ends by the rules; a player has a key, and can only watch."""
+"""Each browser has one session; a player has a key, with which it can only watch."""
 
 from urllib.parse import quote
 
@@ -29,7 +29,7 @@ FORMS = (
     *(" ".join(JOINED), "-".join(JOINED)),  # a person typed it letter by letter
     "".join(chr(ord(letter) + 0xFEE0) for letter in JOINED),  # full width, as in Chinese
 )
-"""The texts that a person may paste: the token, its address, or lines of the terminal."""
+"""Texts that a person may paste: the token, its address, or lines of the terminal."""
 WRONG = (
     *("", "##", TOKEN[:-5], f"{TOKEN[:-1]}T", f"0{TOKEN[1:]}", "http://10.0.0.2:8000"),
     *("x" * 5000, "%23" * 600, "\x00", "\ud800", "%ff%fe", "pair#\x1b["),
@@ -85,7 +85,7 @@ def test_a_connected_browser_stays_paired_and_the_owner_always_does(tmp_path):
     owner, pilot = (redeem(pairing, Role.PILOT) for _ in range(2))
     session = pairing.find(pilot)
     pairing.is_in_use = lambda name: name == session.name
-    for _ in range(_SESSIONS + 36):  # all of these browsers come back and use their sessions
+    for _ in range(_SESSIONS + 36):  # all of these browsers use their sessions again
         assert pairing.find(redeem(pairing, Role.PILOT))
     assert pairing.find(pilot)
     again = Pairing(10, file).find(owner)
@@ -119,7 +119,7 @@ def server(tmp_path):
 
 
 def watch(server: VirtualServer, key: str, headers: dict[str, str]) -> httpx.Response:
-    """Return the answer with the beginning of its stream, or with its refusal."""
+    """Return the answer with the beginning of the stream, or with the refusal."""
     address = f"{server.address}/video.mjpg{key}"
     with httpx.Client() as client, client.stream("GET", address, headers=headers) as answer:
         if answer.status_code == 200:

@@ -1,4 +1,4 @@
-"""Only a trusted proxy's headers count, and no header adds an address."""
+"""Only a trusted proxy's headers count, and no header makes a new address valid."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A real server makes every refusal of the guard, each with the right status."""
+"""A server refuses what the guard forbids, each time with the right status."""
 
 import contextlib
 import dataclasses
@@ -61,7 +61,7 @@ def _routes(server: VirtualServer) -> set[tuple[str, str]]:
 
 
 def _pair(server: VirtualServer, role: Role) -> dict[str, str]:
-    """Pair a new browser; return the header that it sends from then on."""
+    """Pair a new browser; return its cookie header."""
     token = server.services.gateway.pairing.tokens[role]
     answer = httpx.post(server.address + "/api/pair", json={"token": token})
     assert answer.json()["role"] == role.value
@@ -72,7 +72,7 @@ def _pair(server: VirtualServer, role: Role) -> dict[str, str]:
 
 
 LINK = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
-"""The headers of a request by which a person follows a link on another site."""
+"""The headers of a browser's request after a click on a link of another site."""
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_when_all_slots_are_taken_a_newcomer_evicts_the_person_with_the_most(tmp
 
         def page(cookie):
             socket = connect(server.ws("/ws/drive"), additional_headers=cookie)
-            server.forward(0.1)  # until the evicted session is gone
+            server.forward(0.1)  # time to close an evicted websocket
             return stack.enter_context(socket)
 
         many = [page(greedy) for _ in range(5)]

@@ -1,4 +1,4 @@
-"""The robot announces and shows its names and addresses, and follows their changes."""
+"""The robot announces and shows its names and addresses, and notices when they change."""
 
 import contextlib
 import itertools
@@ -171,8 +171,8 @@ def test_a_browser_at_an_unknown_name_is_led_to_the_address(accepted, language):
 def test_of_two_robots_that_nobody_named_the_second_takes_another_name(monkeypatch):
     """Two robots also get different names if they start at the same moment."""
     if not hasattr(pytest.importorskip("zeroconf"), "AddressResolver"):
-        pytest.skip("this zeroconf cannot ask for a host's addresses")
-    # All processes share one loopback: the name and the addresses are this test's own.
+        pytest.skip("this version of zeroconf cannot resolve a host's addresses")
+    # The name and addresses belong only to this test, because all processes share the loopback.
     name = f"drivelesson-{secrets.token_hex(4)}"
     monkeypatch.setattr("server.access.announcement.DEFAULT_HOSTNAME", name)
     net = f"127.{secrets.randbelow(250) + 2}.{secrets.randbelow(250)}"
@@ -186,7 +186,7 @@ def test_of_two_robots_that_nobody_named_the_second_takes_another_name(monkeypat
         first, second, third, named = map(robot, (name, name, name, f"ada-{name}"))
         for one, place in ((first, low), (second, high)):
             with mock.patch.object(one, "_free_name", lambda _: name):
-                one.announce(place)  # neither robot hears the other
+                one.announce(place)  # neither robot knows of the other
         wait_until(lambda: second.must_yield(high), "the second hears the first")
         wait_until(lambda: not first.must_yield(low), "the first keeps the name")
         for _ in range(2):
@@ -197,7 +197,7 @@ def test_of_two_robots_that_nobody_named_the_second_takes_another_name(monkeypat
 
 
 def test_the_address_in_a_vpn_comes_last(monkeypatch):
-    """A VPN often takes the whole internet, so the system prefers its address."""
+    """A VPN often routes the whole internet, so the system prefers the VPN's address."""
 
     def prefer_the_tunnel(probe, address):
         probe.bind(("127.66.0.2", 0))
@@ -286,7 +286,7 @@ def test_addresses_of_six_are_announced_and_served():
     for listener in listeners:
         listener.close()
     assert len(ports) == 1 and socket.AF_INET in families
-    with contextlib.suppress(OSError):  # a machine without IPv6
+    with contextlib.suppress(OSError):  # the machine has no IPv6
         socket.create_server(("::1", 0), family=socket.AF_INET6).close()
         assert families == {socket.AF_INET, socket.AF_INET6}
 
@@ -300,7 +300,7 @@ def test_phones_are_greeted_with_a_code_and_addresses_for_both_rights():
 
 
 def test_a_paused_terminal_does_not_delay_a_phone_that_pairs(tmp_path, capsys):
-    """The event loop would wait for the terminal, and every STOP with it."""
+    """If the event loop waited for the terminal, every STOP would wait, too."""
     clock, shown = VirtualClock(), list[str]()
     here = PublicAddress.parse("http://10.0.0.2:8000")
     gateway = NetworkGateway(NetworkConfig(public=(here,), data=tmp_path), clock)
@@ -308,6 +308,6 @@ def test_a_paused_terminal_does_not_delay_a_phone_that_pairs(tmp_path, capsys):
     pairing = gateway.pairing
     assert isinstance(pairing.redeem(pairing.tokens[Role.PILOT], 0.0), Paired)
     assert not capsys.readouterr().out
-    clock.sleep(1.0)  # a thread of its own writes now
+    clock.sleep(1.0)  # a separate thread writes now
     assert pairing.tokens[Role.PILOT] in capsys.readouterr().out
     assert shown[-1].endswith(pairing.tokens[Role.PILOT])

@@ -1,4 +1,4 @@
-"""A QR code on a terminal is readable on every theme, or a sentence says why there is none."""
+"""A terminal shows a QR code that is readable on every theme, or says why it shows none."""
 
 import io
 import re
@@ -23,7 +23,7 @@ COLOURS = "\x1b[38;5;16;48;5;231m"
 
 
 def shown(text: str, theme: str) -> np.ndarray:
-    """Return the picture of a code on a terminal of this theme, with a margin."""
+    """Return the picture of a code on a terminal with this theme, with a margin."""
     ink, paper = THEMES[theme]
     plain = re.sub(r"\x1b\[[\d;]*m", "", text).splitlines()
     halves = [[INK[letter][half] for letter in line] for line in plain for half in (0, 1)]

@@ -1,5 +1,4 @@
-"""Neither a paired nor an unpaired program that floods a server locks anybody out, or delays a
-STOP."""
+"""A flood by a paired or unpaired program locks nobody out and delays no STOP."""
 
 import contextlib
 import subprocess
@@ -19,7 +18,7 @@ from tests.server.lan_process import Process, lan_process
 from tests.server.live_robot import Pilot
 
 TRIES = size("STOPS", 3, 250)
-"""Number of STOPs of each of two clients, by each of two ways (`.ci/run`: 250)."""
+"""Number of STOPs by each of two clients, in each of two ways (250 at full size)."""
 CONNECTS = size("CONNECTS", 300, 5_000)
 MOST_LOG_BYTES = 100_000
 FLOOD = [sys.executable, "-m", "tests.server.access.floods"]
@@ -48,13 +47,13 @@ def who_takes_all_places_holds_up_no_stop(
         for number in range(4 * TRIES):
             cookie = {"Cookie": cookies["owner" if number % 2 else "pilot"]}
             with contextlib.ExitStack() as stack:
-                # On a separate connection; making a client of httpx takes 20 ms.
+                # A new connection; the time excludes making the client, which takes 20 ms.
                 if number % 4 < 2:
                     asker = stack.enter_context(httpx.Client(timeout=PATIENCE_S))
                     start_s = clock.now_s()
                     answer = asker.post(server.address + "/api/stop", headers=cookie)
                     assert answer.status_code == 200
-                else:  # behind all messages that its socket accepts, just reconnected
+                else:  # on a new websocket, after as many messages as it accepts
                     options: Any = {"additional_headers": cookie, "open_timeout": PATIENCE_S}
                     options |= {"compression": None, "max_queue": None, "close_timeout": 0}
                     page = stack.enter_context(connect(server.drive_url, **options))
@@ -92,7 +91,7 @@ def a_pilot_drives_and_another_phone_comes_in_the_middle_of_a_flood(
         wait_until(lambda: server.ask()["evicted"] >= earlier + 100, "the flood", PATIENCE_S)
         before, cookie = len(pilot.messages), server.pair()
         while flood.poll() is None:
-            clock.sleep(0.25)  # as a page waits before it connects again
+            clock.sleep(0.25)  # like a page that waits before it reconnects
             begun_s = clock.now_s()
             with contextlib.suppress(OSError, WebSocketException), page(cookie) as phone:
                 phone.wait_for(lambda m: m["type"] == "state", PATIENCE_S)
@@ -108,4 +107,4 @@ def a_pilot_drives_and_another_phone_comes_in_the_middle_of_a_flood(
     assert came_s, "no phone was served during the attack"
     assert n_ended > 0.9 * (HALF_REQUESTS + IDLE), "pending connections were not closed"
     with capsys.disabled():
-        print(f"\nflood: {server.ask()}, came in {[round(1000 * s) for s in came_s]} ms")
+        print(f"\nflood: {server.ask()}; phones served in {[round(1000 * s) for s in came_s]} ms")

@@ -83,23 +83,23 @@ def latched(pupil: Pupil) -> bool:
 
 
 class Absent:
-    """An announced robot that only has an address and a fault of its network."""
+    """An announced robot, which has only an address and a network fault."""
 
     def __init__(self, port: int, fault: str) -> None:
         self.port, self.fault = port, fault
 
 
 class VirtualNetwork:
-    """The board's transport, directly into the robots' apps if the network allows it."""
+    """The board's transport: it calls the robots' apps directly unless a fault prevents that."""
 
     def __init__(self, pupils: Mapping[int, Any], dice: random.Random) -> None:
         self.pupils: Mapping[int, Any] = pupils
         self._dice = dice
         self.requests: list[tuple[int, str]] = []
         self.sees_as: dict[int, str] = {}
-        """The endpoints that the board sees if an attacker is between board and robot."""
+        """The endpoints that the board sees, by port, if an attacker is between board and robot."""
         self.hosts: dict[int, str] = {}
-        """The addresses that robots have got from the network since they were listed."""
+        """The new addresses, by port, that the network has given to robots since then."""
 
     async def locate(self, address: RobotAddress) -> ServerPlace:
         at = self.sees_as.get(address.port, endpoint(address.host, address.port))

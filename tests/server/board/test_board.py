@@ -33,7 +33,7 @@ def _any_fault(dice: random.Random, number: int) -> str:
 async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_are_named(
     world, seed
 ):
-    """Draw, for each seed, the robots' faults before and after they were connected."""
+    """The seed determines each robot's fault, before or after it was connected."""
     before = {p.port: p.fault for p in world.pupils.values()}
     good = [p for p in world.pupils.values() if p.fault in OPEN_FAULTS]
     await world.until_there(good)
@@ -226,7 +226,7 @@ async def test_a_restarted_robot_is_joined_again(world):
 
 @in_class_time(robots=1)
 async def test_a_robot_whose_name_leads_to_another_address_is_found_and_stopped_there(world):
-    """The network has given the robot another address while its process runs on."""
+    """The network gives the robot another address while its process runs."""
     one, link = await world.first()
     break_down(one, "gone")
     await world.until(lambda: link.status is Status.AWAY, 5.0, "it is lost")
@@ -241,10 +241,10 @@ async def test_a_robot_whose_name_leads_to_another_address_is_found_and_stopped_
 @pytest.mark.parametrize("fault", ["refuses", "silent", "nonsense"])
 @in_class_time(robots=1)
 async def test_stop_keeps_its_open_connection_while_the_robot_refuses_requests(world, fault):
-    """A robot whose places are all taken refuses new connections and requests."""
+    """A robot without free slots refuses new connections and requests."""
     one, link = await world.first()
     joined_s = link.joined_s
-    one.fault = fault  # of new connections only
+    one.fault = fault  # only new connections fail
     await world.clock.pause(2 * _INVITE_EVERY_S)
     assert link.status is Status.THERE and link.joined_s == joined_s
     world.board.stop()
@@ -317,7 +317,7 @@ async def test_pictures_and_news_wait_while_a_stop_is_under_way(world):
 
 @in_class_time()
 async def test_an_impostor_in_between_gets_no_session_and_its_messages_do_not_count(world):
-    """An impostor at another address relays everything to a real robot, and back."""
+    """An impostor at another address relays everything between board and robot."""
     one, *_ = world.pupils.values()
     world.network.sees_as[one.port] = "10.0.0.66:8000"
     link = world.link(one)

@@ -70,7 +70,7 @@ def test_a_key_is_made_once_and_is_readable_only_by_its_owner(tmp_path):
     assert keep_class_key(file) == keep_class_key(file)
     assert file.stat().st_mode & 0o077 == 0
     assert file.read_text().strip() not in repr(read_class_key(file))
-    file.write_text("")  # as a full disk or a power cut leaves it
+    file.write_text("")  # as after a full disk or a power cut
     assert keep_class_key(file) == read_class_key(file)
     for text in ("", "short", "ä" * 40):
         file.write_text(text)
@@ -84,7 +84,7 @@ def test_a_simulated_robot_whose_folder_cannot_be_written_keeps_its_name_and_run
     saved = SimulatedRobot(1, 8481, tmp_path / "01")
     saved.open_log()
     assert saved.unsaved_name == "" and saved.log == tmp_path / "01" / "log.txt"
-    unwritable = tmp_path / "01" / "log.txt" / "02"  # below a file
+    unwritable = tmp_path / "01" / "log.txt" / "02"  # a path below a file cannot be read
     robot = SimulatedRobot(2, 8482, unwritable)
     robot.open_log()
     assert robot.unsaved_name == NAMES[1] and robot.log == Path(os.devnull)
@@ -200,7 +200,7 @@ async def test_the_code_on_paper_pairs_until_the_class_has_another_key(world):
         assert await asker.status("POST", "/api/pair", {}, {"token": paper}) == 200
         assert await asker.status("POST", "/api/pair", {}, {"token": old}) == 403
         one.restart()
-        await world.clock.pause(400.0)  # longer than any invitation is valid
+        await world.clock.pause(400.0)  # longer than the lifetime of any invitation
 
 
 def test_a_class_has_simulated_robots_and_real_ones_but_not_too_many():

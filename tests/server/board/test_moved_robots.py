@@ -1,4 +1,4 @@
-"""A robot under a new address keeps its card, and STOP reaches every address that may be alive."""
+"""A robot with a new address keeps its card, and STOP reaches every address of the robot."""
 
 import itertools
 from functools import partial
@@ -13,7 +13,7 @@ from .classroom_world import ClassWorld, Pupil, break_down, in_class_time, latch
 
 
 def same_robot(world: ClassWorld) -> list[Pupil]:
-    """Give all robots the id of the first. The board knows only the address of the first."""
+    """Give all robots the id of the first robot; the board knows only the first robot's address."""
     pupils = list(world.pupils.values())
     for pupil in pupils[1:]:
         pupil.classroom.id = pupils[0].classroom.id
@@ -91,7 +91,7 @@ async def test_a_robot_that_was_taken_for_moved_is_stopped_and_shown_when_it_ans
     one, copy = same_robot(world)
     await world.until_there([one])
     await world.drive_all([one])
-    one.fault = "gone"  # its pupil's phone reaches it, the board does not
+    one.fault = "gone"  # only its pupil's phone reaches it, not the board
     world.link(one).stop.channel.socket.cut()
     await world.until(lambda: world.link(one).status is Status.AWAY, 5.0, "it is lost")
     await comes_up(world, copy)

@@ -1,5 +1,4 @@
-"""Each of the robots that are forked from one process can end separately, and all end with the
-class."""
+"""Robots that are forked from one process end separately, or all together with the class."""
 
 import os
 import re

@@ -1,5 +1,4 @@
-"""Whatever the network announces, the robots of the class are on the board, and STOP reaches
-them."""
+"""Whatever the network announces, the class's robots are on the board, and STOP reaches them."""
 
 import asyncio
 import random

@@ -1,5 +1,4 @@
-"""A phone as the robot's eye: its websocket in virtual time, its messages, its clock and its
-role."""
+"""A phone as the robot's eye: its websocket, messages, clock and role, in virtual time."""
 
 import contextlib
 import itertools
@@ -48,7 +47,7 @@ def robot():
 
 
 class Phone:
-    """A phone without a screen, which answers pings by its clock `EYE_MS`."""
+    """A client without a screen, which answers pings with the time `EYE_MS`."""
 
     def __init__(self, socket: VirtualSocket) -> None:
         self.socket = socket
@@ -95,7 +94,7 @@ def test_pictures_arrive_with_stamps_on_our_clock(robot):
         hello = eye.wait_for("hello")
         assert (hello["width"], hello["height"], hello["rate_hz"]) == (320, 240, 12.0)
         asked = eye.wait_for("ping")
-        eye.wait_for("ping")  # the first answer has been taken by now
+        eye.wait_for("ping")  # by now the robot has read the first answer
         for seq in range(1, 5):
             eye.show(seq)
         frame = rig.camera.latest()
@@ -151,7 +150,7 @@ def test_a_phone_that_comes_back_before_its_old_line_has_ended_is_the_eye_again(
 
 
 def test_stop_counts_at_once_while_the_connection_of_the_phone_before_is_closing(robot):
-    """Closing a dead connection takes seconds, but the phone is back sooner."""
+    """Closing a dead connection takes seconds, but the phone reconnects sooner."""
     camera: Any = robot.rig.camera
     with phone(robot.address) as first:
         first.wait_for("hello")

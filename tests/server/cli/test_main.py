@@ -1,4 +1,4 @@
-"""The command line makes suggestions, reports errors and a full disk, and completes words."""
+"""The command line suggests commands, reports errors and a full disk, and completes words."""
 
 import os
 import signal
@@ -59,8 +59,7 @@ def test_the_error_for_a_wrong_call_shows_the_right_call(words, sentence, capsys
 
 
 def test_a_copy_that_is_not_installed_says_so(monkeypatch, capsys):
-    """The program must also start in another program's environment, if this folder is in its
-    path."""
+    """The program must also start with another program's Python, if this folder is in its path."""
     monkeypatch.setattr("server.cli.main._points", dict)
     assert main([]) == 2
     assert f"not installed for {sys.executable}" in capsys.readouterr().err
@@ -123,7 +122,7 @@ def test_ctrl_c_while_the_modules_are_imported_prints_no_traceback(module, monke
     for name in ("server.cli.main", "server.cli.parser"):
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "meta_path", [Interrupting(), *sys.meta_path])
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # as in a background process
     try:
         assert start(["--version"]) == 130
     finally:

@@ -26,7 +26,7 @@ from tests.standins.mjpeg import MjpegServer
 SECRET = "hunter2zebra" * 3
 LOOKS = (SECRET.encode(), base64.b64encode(f"user:{SECRET}".encode())[:24])
 PLACES = {"address": "127.0.0.1:9", "brick": "127.0.0.1"}
-"""An address at which nothing answers, for options that name a host."""
+"""An address without a server, for options that name a host."""
 URLS = ("http://user:{}@127.0.0.1:9/x", "http://127.0.0.1:9/x?key={}", "ftp://user:{}@x/", "{}@x",
         "http://user:{}@[::1/x", "http://user:{}@127.0.0.1:99999/x")  # fmt: skip
 KINDS: list[tuple[str, Any]] = [
@@ -92,7 +92,7 @@ def _check_a_drive(folder: Path) -> None:
                 pilot.wait_for_state(mode="stopped")
                 _search("websocket", repr(pilot.messages).encode())
             answers = [client.get(address) for address in readable_addresses(client)]
-            # On a busy machine /healthz reports that the loop stalls, which is a valid answer.
+            # On a busy machine, /healthz may report a stalled loop, which is a valid answer.
             assert sum(answer.status_code in (200, 503) for answer in answers) > 20
         for answer in answers:
             _search(str(answer.url), repr(answer.headers).encode() + answer.content)

@@ -1,5 +1,4 @@
-"""Which sources settings have, which values are refused, and that the reference lists each
-setting."""
+"""The sources of settings, the values that are refused, and the reference that lists them all."""
 
 import argparse
 import os

@@ -1,5 +1,4 @@
-"""How many frames are in flight, and how large they are; time is an argument. On links:
-test_video.py."""
+"""How many frames are in flight, and how large they are. test_video.py tests whole links."""
 
 from itertools import count
 
@@ -42,7 +41,7 @@ def acknowledge(
 ) -> None:
     """Send frames at the same time, skip some that do not fit, and acknowledge the last one.
 
-    Without `at_s` they are sent at time 0, so that their delay is exactly `delay_s`.
+    Without `at_s` the frames are sent at time 0, so that their delay is exactly `delay_s`.
     """
     at_s = delay_s if at_s is None else at_s
     for _ in range(n_sent):
@@ -183,7 +182,7 @@ def allows(window: VideoWindow, delay_s: float) -> bool:
     [
         ([0.128], 0.128),
         ([0.128, 0.256], 0.160),  # the average rises by a quarter of the difference
-        ([0.256, 0.128], 0.128),  # down at once
+        ([0.256, 0.128], 0.128),  # it falls at once
         ([0.128, 0.256, 0.256], 0.184),
     ],
 )

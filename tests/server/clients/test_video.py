@@ -114,14 +114,14 @@ def test_a_stalled_viewer_is_tried_less_and_less_often_and_its_smaller_window_co
     window = [100_000]
     room = Room(lambda: (0, window[0]))
     assert room.is_there(10_000)
-    window[0] = 60_000  # the client stalls, and each frame makes its window smaller
+    window[0] = 60_000  # the client stalls, so each frame makes the window smaller
     for _ in range(60_000):  # ten minutes
         if room.is_there(10_000):
             window[0] -= 10_000
     assert window[0] == 10_000, "a frame was sent after 20, 41, 82, 164 and 328 seconds"
     window[0] = 100_000
     assert room.is_there(10_000)
-    window[0] = 60_000  # the system offers less, but the client reads all
+    window[0] = 60_000  # the system offers a smaller window, but the client reads all
     assert sum(room.is_there(10_000) for _ in range(10_000)) > 7000
 
 
@@ -226,7 +226,7 @@ def frame_of(frame_id: int, at_s: float) -> Frame:
 
 
 class _Screen:
-    """A viewer that acknowledges after `delay_s`, and notes the width of each picture."""
+    """A viewer that acknowledges each picture after `delay_s`, and notes its width."""
 
     def __init__(self, delay_s: float) -> None:
         self.delay_s, self.now_s = delay_s, 0.0

@@ -1,4 +1,4 @@
-"""The page gets the curve of agreement, and the reason why the robot proposes a move."""
+"""The page gets the curve of agreement, and the reason for the robot's proposed move."""
 
 import sys
 import tracemalloc

@@ -22,7 +22,7 @@ from tests.robot.recordings.drives import RecordedBench
 
 @pytest.fixture
 def exported(episode_id, tmp_path, say):
-    """The recording of the data folder as a folder of pictures."""
+    """The data folder's recording, exported as a folder of pictures."""
     say(f"episodes export last --as folder --out {tmp_path}/out")
     return tmp_path / "out"
 
@@ -112,7 +112,7 @@ def test_a_name_is_free_again_when_an_import_fails(exported, data, say):
 
 
 def test_an_export_says_how_much_and_which_times_it_wrote(data, say, capsys, monkeypatch):
-    """Between two lessons the robot drives by itself for 5 s, which only `--all` exports."""
+    """Between two lessons the robot drives by itself for 5 s; only `--all` exports that part."""
     monkeypatch.setattr("robot.exchange.timeline._LONGEST_PAUSE_S", 4.0)
     robot = RecordedBench(Storage(data).folder("episodes"))
     robot.drive(range(8))

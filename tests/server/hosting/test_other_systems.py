@@ -1,4 +1,4 @@
-"""Simulates how Windows differs in sockets, loops, clocks, streams and modules."""
+"""The program works although Windows has other sockets, event loops, clocks and modules."""
 
 import asyncio
 import io
@@ -57,7 +57,7 @@ def test_no_other_program_shares_the_port(monkeypatch):
 
 
 def test_the_loop_accepts_through_the_limiting_listener(monkeypatch):
-    """Windows' own event loop accepts connections past the limits of the listener."""
+    """Windows' default event loop would ignore the listener's limits."""
     monkeypatch.setattr(asyncio.events, "new_event_loop", lambda: pytest.fail("the system's loop"))
     seen = []
 
@@ -71,7 +71,7 @@ def test_the_loop_accepts_through_the_limiting_listener(monkeypatch):
 
 
 class CoarseClock(VirtualClock):
-    """A clock that advances 64 times a second like Windows', with waits that end at its steps."""
+    """A clock that, like Windows', advances 64 times a second; waits end only at these steps."""
 
     def now_s(self) -> float:
         return int(super().now_s() * 64) / 64

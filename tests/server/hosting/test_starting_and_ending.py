@@ -30,7 +30,7 @@ def test_it_names_what_is_still_starting_and_then_lets_the_server_answer():
         assert b"the robot and its camera" in ask()
         page.part = StartingPart.MODEL
         assert b"the robot's model" in ask()
-        # a client that leaves delays nobody
+        # a client that leaves causes no delay
         socket.create_connection(listener.getsockname()).close()
         assert b"Retry-After" in ask(b"\x16\x03\x01 no HTTP at all")
 
@@ -47,7 +47,7 @@ def test_it_names_what_is_still_starting_and_then_lets_the_server_answer():
 @pytest.mark.slow
 @pytest.mark.realtime
 def test_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path):
-    """Here over TLS; tests/server/test_keeping.py ends a server with such connections over HTTP."""
+    """tests/server/test_keeping.py ends a server with such connections over plain HTTP."""
     words = ("--lan", "--tls", "--host", "127.0.0.1")
     with served(tmp_path / "data", *words) as server, server.unfinished():
         server.process.send_signal(signal.SIGTERM)
@@ -57,7 +57,7 @@ def test_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path):
 
 
 def _check_a_full_pipe_does_not_delay_the_end() -> None:
-    """Like a terminal that is paused by Ctrl+S: nobody reads the log's lines."""
+    """Nobody reads the log's lines, as if the terminal was paused by Ctrl+S."""
     said = "import logging, server.hosting.logs as logs; logs.start_logging(verbose=False); "
     reading, writing = os.pipe()
     os.set_blocking(writing, False)

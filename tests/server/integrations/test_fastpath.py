@@ -63,7 +63,7 @@ def test_a_flooding_client_is_read_no_faster_than_a_page_needs(flood):
 
 
 async def connected(line: Line) -> tuple[Any, list[str | bytes]]:
-    """Return a protocol that has shaken hands, and the list of the messages that it hears."""
+    """Return a protocol after its handshake, and the list of the messages that it receives."""
     protocol_type = make_protocol()
     if protocol_type is None:
         pytest.skip("this uvicorn has no fast path")
@@ -107,7 +107,7 @@ def test_a_server_ends_cleanly_while_a_client_leaves(leaves):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_messages_are_heard_alike_however_the_network_cuts_them(seed):
-    """Short messages are read past the parser only if nothing waits in it."""
+    """Short messages bypass the parser only if the parser holds no earlier bytes."""
     asyncio.run(cut_at_random(random.Random(seed)))
 
 
@@ -135,11 +135,11 @@ async def cut_at_random(rng: random.Random) -> None:
     for start in range(8 - len(posing), len(frame), len(posing)):
         protocol.data_received(frame[max(0, start) : start + len(posing)])
     frame = masked(0x82, bytes(300), rng)
-    protocol.data_received(frame[:132])  # as long as a message of 126 bytes with a short header
+    protocol.data_received(frame[:132])  # as if 126 were the length
     protocol.data_received(frame[132:])
     sent += [4 * posing, bytes(300)]
     assert heard == sent
-    protocol.data_received(BEGUN)  # a message in parts, interrupted by another message
+    protocol.data_received(BEGUN)  # a new message within a fragmented one is an error
     protocol.data_received(masked(0x81, b"amid", rng))
     protocol.data_received(masked(0x81, b"after the error", rng))
     assert heard == sent

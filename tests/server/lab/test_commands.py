@@ -114,11 +114,11 @@ def test_a_failed_check_suggests_continue_and_saves_nothing(data, say, capsys):
 
 @pytest.mark.realtime
 def test_bench_link_measures_viewers_and_commands(tmp_path, monkeypatch):
-    monkeypatch.setattr(link, "_SETTLE_S", 0.05)  # figures that are not judged need no pause
+    monkeypatch.setattr(link, "_SETTLE_S", 0.05)  # figures without a limit need no pause
     monkeypatch.setattr(link, "_COMMANDS", 8)
     monkeypatch.setattr(link, "_COMMAND_EVERY_S", 0.1)
     file = tmp_path / "link.json"
-    # Long enough for a busy machine to send some pictures.
+    # Even a busy machine sends some pictures in this time.
     words = ["bench", "link", "--viewers", "1", "--seconds", "2", "--turns", "1"]
     assert main([*words, "--json", str(file)]) == 0
     result = json.loads(file.read_text())
@@ -158,7 +158,7 @@ def test_the_ratio_is_that_of_a_turn_in_the_middle_unless_they_differ_too_much()
 
 
 def serve_for_ever(line: Connection, kind: str, rate_hz: float) -> None:
-    """Stay alive although the pipe is closed."""
+    """Run on although the pipe is closed."""
     line.send(8080)
     threading.Event().wait()
 

@@ -218,8 +218,8 @@ def test_a_mode_change_saves(bench):
 
 
 def test_after_a_kill_examples_that_were_declared_outdated_still_are(bench, tmp_path):
-    """The test copies the folder, without the models, when the answer arrives, so that no later
-    save can help. Other changes: tests/server/test_answers_are_facts.py."""
+    """The test copies the folder without its models when the answer arrives, so that no later save
+    can help. tests/server/test_answers_are_facts.py tests other changes."""
     bench.server.use_policy("default-8")
     bench.server.teach(6)
     assert bench.client.post("/api/teaching/outdate").json()["kept"]

@@ -157,7 +157,7 @@ def test_a_folder_that_cannot_be_written_is_read(
     disk = Disk(data)
     disk.install(monkeypatch.setattr)
     disk.fail(0, lasts=True, why=why)
-    monkeypatch.setattr(os, "fsync", lambda handle: None)  # also for files on another disk
+    monkeypatch.setattr(os, "fsync", lambda handle: None)  # also outside `data`
     for words, told in {
         "list": episode_id,
         "show last": episode_id,
@@ -190,7 +190,7 @@ def test_the_recording_deleted_last_is_restored_whatever_the_clock_says(
 def test_the_trash_is_emptied_also_on_a_full_disk_and_says_what_is_free_again(
     episode_id, data, monkeypatch, say
 ):
-    (data / "trash/by-hand.bin").write_bytes(bytes(3_000_000))  # which stays
+    (data / "trash/by-hand.bin").write_bytes(bytes(3_000_000))  # this file stays
     assert say("episodes empty-trash") == "0.0 MB are free again\n"
     say("episodes delete last")
     real = os.mkdir
@@ -209,7 +209,7 @@ def test_the_trash_is_emptied_also_on_a_full_disk_and_says_what_is_free_again(
 def test_what_is_unfinished_is_listed_and_removed_by_the_next_import(
     episode_id, data, tmp_path, say
 ):
-    """The remains of a killed import, and parts without their recording."""
+    """The leftovers are those of a killed import, and parts without their recording."""
     left = data / NAME
     (left / "gone.parts").mkdir()
     for name, size in (("tub.mcap", 0), (".tub.mcap.4711.part", 69_000)):

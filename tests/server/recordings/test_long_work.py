@@ -1,5 +1,4 @@
-"""Long work on recordings runs in a separate process or in the background, and reports its results,
-errors and end."""
+"""Long work on recordings runs in the background, and reports results, errors and its end."""
 
 import asyncio
 import io

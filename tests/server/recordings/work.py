@@ -1,4 +1,4 @@
-"""Work for a separate process, which imports this module: it loads little, to start quickly."""
+"""Work for a separate process, which imports only this small module, so that it starts quickly."""
 
 import os
 import threading

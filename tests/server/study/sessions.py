@@ -58,7 +58,7 @@ def begin(server: VirtualServer, code: str = "P01") -> None:
 
 
 def drive(server: VirtualServer, seconds: float | None = None) -> None:
-    """Drive in the mode of the phase, for some seconds or until the questions."""
+    """Drive in the mode of each phase, for some seconds or until the questions come."""
     server.driver.sensors = Sensors(distance_m=0.8)
     pilot = server.pilot()
     now = session(server)
@@ -97,7 +97,7 @@ def rows(server: VirtualServer) -> list[dict[str, str]]:
 
 
 def standing(server: VirtualServer) -> tuple[Any, ...]:
-    """The robot's models, the model in use, and its exact learner state."""
+    """Return the model in use, the robot's models, and the exact state of its learner."""
     models = ask(server, "GET", "/api/models").json()
     state = server.ask_loop(lambda: server.rig.loop.history.policy.get_state())
     arrays = {name: array.tobytes() for name, array in state.arrays.items()}
@@ -106,7 +106,7 @@ def standing(server: VirtualServer) -> tuple[Any, ...]:
 
 
 def prepare(server: VirtualServer) -> tuple[Any, ...]:
-    """Teach the robot something that goes into its own model."""
+    """Teach the robot, outside a session, something for its own model."""
     teach_a_default_model(server)
     ask(server, "POST", "/api/models/save", json={})
     return standing(server)

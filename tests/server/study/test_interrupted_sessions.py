@@ -92,7 +92,7 @@ def test_a_session_that_is_left_leaves_no_model_and_can_be_resumed(server, at, i
 
 
 def test_after_a_power_cut_the_robot_has_its_own_model_and_the_session_goes_on(tmp_path):
-    """The next server finds what a killed server left on the disk."""
+    """The next server finds the files of a killed server."""
     with VirtualServer(data=tmp_path / "first") as server:
         before = prepare(server)
         begin(server)
@@ -104,7 +104,7 @@ def test_after_a_power_cut_the_robot_has_its_own_model_and_the_session_goes_on(t
         shutil.copytree(tmp_path / "first", tmp_path / "second")
     (tmp_path / "second" / ".lock").unlink(missing_ok=True)
     with (tmp_path / "second/studies/walk/P01.csv").open("ab") as log:
-        log.write(b"1700000000.0,frame,1,sho")  # torn
+        log.write(b"1700000000.0,frame,1,sho")  # a torn line
     with started_again(tmp_path / "second") as server:
         assert session(server) is None
         current, names, arrays, moves = standing(server)
@@ -140,7 +140,7 @@ def test_a_damaged_note_of_the_model_in_use_does_not_prevent_a_start(tmp_path, t
 
 
 class Conducted:
-    """A robot, the folder of its sessions, and their conductor; a session of P01 is running."""
+    """A robot with the folder and conductor of its sessions; the session of P01 is running."""
 
     def __init__(self, folder: Path) -> None:
         self.clock = VirtualClock(100.0)
@@ -167,8 +167,8 @@ class Conducted:
 
 
 def test_an_event_that_happens_after_its_timeout_is_in_the_log_too(tmp_path, monkeypatch):
-    """In an earlier version, after a short suspension of the computer the session went on, but not
-    its log."""
+    """In an earlier version, after a short suspension of the computer, the session went on, but its
+    log did not."""
     with Conducted(tmp_path) as world:
         submit = world.rig.loop.submit
 

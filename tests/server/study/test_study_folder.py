@@ -85,7 +85,7 @@ def test_a_damaged_log_is_reported_and_affects_no_other_session(server, tmp_path
 
 
 def test_a_withdrawn_code_that_is_used_again_is_listed_with_the_new_data(tmp_path):
-    """Both logs have the same length."""
+    """Only the content of the logs differs, not their length."""
     folder = StudyFolder(Storage(tmp_path))
     folder.create("walk", PLAN)
     for slot, at_s in ((0, 1000.0), (1, 2000.0)):
@@ -138,7 +138,7 @@ def test_an_event_whose_write_failed_is_not_written_twice(tmp_path, monkeypatch)
 
     path = tmp_path / "studies" / "P01.csv"
     log = EventLog(path, VirtualClock())
-    log.start()  # a new log gets its folder and its header line
+    log.start()  # a new log needs its folder and a header line
     for n in range(3):
         log.note([StudyEvent(wall_s=float(n), event="left")])
         with monkeypatch.context() as patch:

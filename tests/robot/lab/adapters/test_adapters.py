@@ -69,7 +69,7 @@ def test_river_takes_any_label_and_features_that_come_late():
     labels = [None, 3, ("a", 1), 2.5]
     for i in range(120):
         kind = i % 4
-        names = {f"{kind}-{j}": 1.0 + 0.01 * i for j in range(12)}  # in all, 48 names
+        names = {f"{kind}-{j}": 1.0 + 0.01 * i for j in range(12)}  # 48 names in the end
         model.learn_one(names, labels[kind])
     for kind, label in enumerate(labels):
         assert model.predict_one({f"{kind}-{j}": 1.5 for j in range(12)}) == label

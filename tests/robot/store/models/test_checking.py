@@ -237,7 +237,7 @@ def drive(model: Model) -> Model:
 
 
 def outcome(model: Model) -> str:
-    """Try a model; return the reason of its refusal, or `drives`."""
+    """Try a model; return `refused` or `drives`."""
     try:
         try_model(model)
     except RecordingError as error:

@@ -316,7 +316,7 @@ def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot):
     robot.teach_now(1)
     name = robot.autosave.save()
     robot.teach_now(2)
-    robot.autosave.load(name)  # the loading saves the model first
+    robot.autosave.load(name)  # this first saves the model in use
     assert not robot.autosave.has_unsaved
     assert robot.loop.history.taught.total() == 2
     robot.teach_now(3)
