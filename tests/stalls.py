@@ -29,7 +29,7 @@ def find_running(root: int) -> list[int]:
             if state in "TtZ":
                 stopped.add(process)
     found = [root]
-    for process in found:  # grows meanwhile
+    for process in found:  # the list may grow meanwhile
         found += children.get(process, [])
     return [process for process in found if process not in stopped]
 
@@ -37,7 +37,7 @@ def find_running(root: int) -> list[int]:
 def hold(root: int, seconds: float) -> None:
     """Pause all processes, and continue them."""
     held: list[int] = []
-    while new := set(find_running(root)) - set(held):  # a process may start another meanwhile
+    while new := set(find_running(root)) - set(held):  # a process may start another one meanwhile
         for process in new:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(process, signal.SIGSTOP)
@@ -58,7 +58,7 @@ def main(arguments: list[str]) -> int:
                 hold(tests.pid, chance.uniform(*STANDS_S))
                 stalls += 1
             else:
-                print(f"{stalls} times everything stood still")
+                print(f"all processes were paused {stalls} times")
                 return code
 
 

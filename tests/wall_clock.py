@@ -1,4 +1,4 @@
-"""Keeps tests off the wall clock: a test that really needs it is marked `realtime`.
+"""Keeps tests off the wall clock, except tests with the mark `realtime`.
 
 A test without the mark may not wait through `RealClock` or `time.sleep`, wait with a time limit in
 code of this project, read the machine's clock itself, or use sockets.
@@ -18,8 +18,8 @@ import pytest
 from robot.clock import RealClock
 
 MOST = 37
-"""The largest number of marked tests outside tests/e2e. The number rises only for a new real part;
-the last ones were LeRobot's robot with a served simulator, and a robot on DDS."""
+"""The largest number of marked tests outside tests/e2e, which rises only for a new real part. The
+last ones were LeRobot's robot with a served simulator, and a robot on DDS."""
 BROWSERS = "e2e/"
 """The tests in this folder run Chromium throughout: they are marked automatically, and not
 counted."""
@@ -40,7 +40,7 @@ def is_exempt(file: str, name: str) -> bool:
     """
     if file.startswith(BROWSERS):
         return True
-    # A camera or brick on the table, and a simulated camera for a separate process.
+    # Real cameras and bricks, and a simulated camera for a separate process.
     is_real = name.endswith("[v4l2]") and "FAKE_VIDEO" in os.environ
     is_real |= name.endswith("[ev3-remote]") and "DRIVELESSON_EV3" in os.environ
     return file.startswith("contract/") and is_real
@@ -54,8 +54,7 @@ def is_marked(item: pytest.Item) -> bool:
 def hold_to_the_limit(session: pytest.Session, items: list[pytest.Item]) -> None:
     """End the run if too many tests are marked by hand.
 
-    The starting process prints a worker's `shouldfail`; of any other error in a worker only the
-    traceback of a broken run is shown.
+    A worker's `shouldfail` is printed; another error would show only the traceback of a broken run.
     """
     by_hand = [item.nodeid for item in items if is_marked(item)]
     if len(by_hand) > MOST:
@@ -85,7 +84,7 @@ def _off_the_wall_clock(
         )
 
     def is_named(frame: FrameType, what: str) -> bool:
-        """False for a compiled library, which has no frame of its own: PyAV reads the clock."""
+        """False for compiled libraries without Python frames, because PyAV reads the clock."""
         return what.rpartition(".")[2] in frame.f_code.co_names
 
     def refused(original: Callable[..., Any], what: str, callers: tuple[str, ...] = ()) -> Any:
@@ -115,7 +114,7 @@ def _off_the_wall_clock(
     connect = socket.socket.connect
 
     def connect_nowhere(own: socket.socket, address: Any) -> None:
-        by = sys._getframe(1).f_code.co_name  # Windows makes a socket pair by a real connection
+        by = sys._getframe(1).f_code.co_name  # Windows makes a socket pair from a real connection
         if own.family in _ALL_SOCKETS and not by.endswith("socketpair"):
             refuse("a socket")
         connect(own, address)

@@ -47,9 +47,9 @@ def virtually(
 def in_virtual_time(
     config: Config | None = None, **options: Any
 ) -> Callable[[Callable[..., Coroutine[Any, Any, None]]], Callable[..., None]]:
-    """Run a test that is a coroutine on a served robot in virtual time, its first argument.
+    """Run a test that is a coroutine in virtual time; its first argument is a served robot.
 
-    Arguments as in `virtually`; if the test has a parameter `seed`, it is the robot's seed, too.
+    The arguments are those of `virtually`; a parameter `seed` of the test is also the robot's seed.
     """
 
     def run(scenario: Callable[[ServedWorld], Coroutine[Any, Any, None]], **named: Any) -> None:
@@ -61,7 +61,7 @@ def in_virtual_time(
 def with_first_argument(
     run: Callable[..., None], test: Callable[..., Coroutine[Any, Any, None]]
 ) -> Callable[..., None]:
-    """Return a test for pytest: `run` gives the coroutine its first argument, and the `seed`."""
+    """Return a test for pytest; `run` gives the coroutine its first argument, and the seed."""
 
     @functools.wraps(test)
     def wrapped(**fixtures: Any) -> None:
@@ -106,7 +106,7 @@ class ServedWorld(VirtualRobot):
         await super().__aexit__(*error)
 
     async def pilot(self, *, sees: bool = False) -> Pilot:
-        """Open a page. The page has the robot's first state when this method returns."""
+        """Open a page, and wait for its first state."""
         pilot = Pilot(self, sees=sees)
         await self.until(lambda: bool(pilot.state.get("frame")), what="the first state")
         return pilot
@@ -151,7 +151,7 @@ def asgi_scope(
 
 
 class Socket:
-    """One websocket: the app's ASGI conversation, with the link between it and the page."""
+    """One websocket: the app's ASGI messages, and the link between app and page."""
 
     def __init__(
         self,
@@ -185,7 +185,7 @@ class Socket:
         self._up.send({"type": "websocket.disconnect", "code": 1001}, 8)
 
     def cut(self) -> None:
-        """End like a killed browser: nothing more arrives, and the server's side is reset."""
+        """End like a killed browser: nothing more arrives, and the server sees a reset."""
         self._world.link.forget(self._up)
         self._world.link.forget(self._down)
         self._incoming.put_nowait({"type": "websocket.disconnect", "code": 1006})
@@ -243,7 +243,7 @@ class Pilot:
         return self.messages[0]
 
     def hold(self, held: str | None, point: Point | None = None) -> None:
-        """Press or release a move, perhaps proportionally, and send it at once."""
+        """Press or release a move, perhaps with a point, and send it at once."""
         self.held, self.point = held, point
         self._say_drive()
 
@@ -257,8 +257,7 @@ class Pilot:
         self.send(type="release", stop_number=self.state["stop_number"])
 
     def sight(self) -> dict[str, int | None]:
-        """Return the proof that a command must carry: the picture on the screen, the newest
-        nonce."""
+        """Return the proof that a command needs: the shown picture and the newest nonce."""
         return {"frame": self.picture or self.state.get("frame"), "nonce": self.nonce}
 
     def send(self, **message: Any) -> None:

@@ -1,4 +1,4 @@
-"""Requests and websockets of a test that is not a coroutine, answered by a virtual server."""
+"""Requests and websockets to a virtual server, for tests that are not coroutines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Serves a robot in virtual time; tests use it like a real one, by httpx, websockets and a pilot.
+"""Serves a robot in virtual time; tests use it like a real one, with httpx, websockets and pilots.
 
 The robot's own threads run on the virtual clock. Time passes only where the test waits.
 """
@@ -37,7 +37,7 @@ _T = TypeVar("_T")
 _PORTS = itertools.count(61_000)
 _STEP_S = 0.002
 SERVERS: dict[int, VirtualServer] = {}
-"""The servers that run now, by their port; httpx and `connect` find them here."""
+"""The running servers by port, where httpx and `connect` find them."""
 
 
 class VirtualServer:
@@ -87,11 +87,11 @@ class VirtualServer:
         return self.clock.result(self.rig.loop.submit(request), 5.0)
 
     def set_mode(self, mode: Mode) -> None:
-        """Choose a mode as the loop's own thread would."""
+        """Choose a mode, like the loop's own thread."""
         assert self.clock.result(self.rig.loop.set_mode(mode), 5.0)
 
     def use_policy(self, name: str) -> None:
-        """Begin anew with an untaught policy of this name."""
+        """Use an untaught policy of this name."""
         self.ask_loop(lambda: self.rig.loop.history.replace_policy(make_policy(name)))
 
     def teach(
@@ -150,7 +150,7 @@ class VirtualServer:
     # Time --------------------------------------------------------------------------------------
 
     def run(self, main: Coroutine[Any, Any, _T]) -> _T:
-        """Run a coroutine to its end, together with all that happens meanwhile."""
+        """Run a coroutine to its end, with everything that is due meanwhile."""
         return self._runner.get_loop().run_until_complete(main)
 
     def forward(self, seconds: float) -> None:
@@ -171,8 +171,7 @@ class VirtualServer:
     async def until(
         self, condition: Callable[[], bool], within_s: float = 5.0, what: str = ""
     ) -> float:
-        """Let time pass within a coroutine until a condition holds; the condition cannot send
-        requests."""
+        """Let time pass within a coroutine until a condition, which sends no requests, holds."""
         start_s = self.clock.now_s()
         await self.clock.pause(0)
         while not condition():
@@ -181,7 +180,7 @@ class VirtualServer:
         return self.clock.now_s() - start_s
 
     def poke(self) -> None:
-        """Do nothing, because `until` checks its condition again by itself."""
+        """Do nothing, because `until` itself checks its condition again."""
 
     # Requests ----------------------------------------------------------------------------------
 
@@ -191,7 +190,7 @@ class VirtualServer:
         on_message: Callable[[str | bytes], None],
         headers: dict[str, str] | None = None,
     ) -> Socket:
-        """Open a websocket; within the event loop."""
+        """Open a websocket, within the event loop."""
         socket = Socket(
             self, path, on_message, {"host": f"127.0.0.1:{self.port}", **(headers or {})}
         )
@@ -218,7 +217,7 @@ class VirtualServer:
 
 
 class VirtualPilot:
-    """The pilot `page`, for a test that is not a coroutine: it acts within the server's loop."""
+    """Runs the pilot `page` in the server's event loop, for tests that are not coroutines."""
 
     def __init__(
         self, server: VirtualServer, *, sees: bool = False, headers: dict[str, str] | None = None
@@ -263,8 +262,7 @@ class VirtualPilot:
 
 @contextlib.contextmanager
 def threads_of_the_pool_inline() -> Iterator[None]:
-    """Run routes in place that would go to a thread of anyio's pool, because the pool waits in real
-    time."""
+    """Run routes directly instead of in anyio's thread pool, which would wait in real time."""
 
     async def run_sync(function: Callable[..., _T], *args: Any, **_: Any) -> _T:
         return function(*args)

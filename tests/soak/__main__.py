@@ -1,14 +1,13 @@
-"""Serves a robot that is taught and drives for some minutes, and reports growth. CI does not run
-it.
+"""Serves a robot that is taught and drives for some minutes, and reports growth; not part of CI.
 
-`python -m tests.soak --minutes 60`: a real server with the simulator; a pilot teaches for 20 s and
-hands over for 10, again and again; viewers connect, watch, stall and vanish. The report has the
-growth per hour with intervals, from the fifth minute on (or from a quarter of a shorter run), and
-the time to read the journal at the end.
+`python -m tests.soak --minutes 60` runs a real server with the simulator. A pilot repeatedly
+teaches for 20 s and hands over for 10 s, while viewers connect, watch, stall and vanish. The report
+has the growth per hour with intervals, from the fifth minute on (in a shorter run, after a
+quarter), and the time to read the journal at the end.
 
-`--robots 10` does the same with `drivelesson class`: a pupil at each robot, and a teacher who stops
-all robots every five minutes. The report has the growth of the robots and of the board, and the
-longest time until a STOP held all robots.
+`--robots 10` does the same with `drivelesson class`, with a pupil at each robot and a teacher who
+stops all robots every five minutes. The report has the growth of the robots and of the board, and
+the longest time until all robots stood.
 """
 
 from __future__ import annotations
@@ -85,9 +84,7 @@ def many_robots(folder: Path, minutes: float, robots: int) -> None:
     print(growth.table())
     print(f"started in {held.started_s:.1f} s, ended in {held.ended_s:.1f} s; ", end="")
     most_ms = 1000 * max(stops_s, default=0)
-    print(
-        f"{len(stops_s)} times STOP: all stood after at most {most_ms:.0f} ms, as the board shows"
-    )
+    print(f"{len(stops_s)} STOPs: by the board, all robots stood after at most {most_ms:.0f} ms")
 
 
 def main() -> int:

@@ -29,7 +29,7 @@ class Class:
     Attributes:
         board: The board's address.
         port: The board's port; the robots have the next ones.
-        robots: The board's data of each robot when all robots were there.
+        robots: The board's data about each robot, once all robots were there.
     """
 
     def __init__(self, folder: Path, robots: int) -> None:
@@ -57,11 +57,11 @@ class Class:
         return False
 
     def now(self) -> list[dict[str, Any]]:
-        """Return the board's data of each robot."""
+        """Return the board's data about each robot."""
         return list(httpx.get(f"{self.board}/api/robots", timeout=30).json()["robots"])
 
     def pupils(self) -> list[Pilot]:
-        """Pair a pilot with each robot by the code on paper."""
+        """Pair a pilot with each robot, by the code on paper."""
         code = read_class_key(self._folder / "class.key").code
         found = []
         for robot in self.robots:
@@ -76,7 +76,7 @@ class Class:
     def measure(self) -> dict[str, float]:
         """Return the figures of the robots and of the board."""
         below = [measure_process(pid, "Pss") for pid in descendants(self.process.pid)]
-        # A robot has more threads than the process from which it was forked.
+        # The process from which robots are forked has fewer threads than a robot.
         robots = [one for one in below if one["threads"] > 3][: self._count]
         board = measure_process(self.process.pid, "Pss")
         count = max(len(robots), 1)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 _SKIPPED_S = 300.0
-"""Measurements count from this time on, in seconds; in a shorter run, from a quarter of it on."""
+"""Measurements count from this time on, in seconds; in a shorter run, after a quarter of it."""
 
 
 def measure_process(pid: int, memory: str = "Rss") -> dict[str, float]:
@@ -37,7 +37,7 @@ def measure_process(pid: int, memory: str = "Rss") -> dict[str, float]:
 
 
 def disk_mb(folder: Path) -> float:
-    """Return the size of all files below a folder, without those that are gone meanwhile."""
+    """Return the size of all files below a folder, except files that disappear meanwhile."""
     total = 0
     for path in folder.rglob("*"):
         with contextlib.suppress(OSError):
@@ -72,7 +72,7 @@ def slope(times_s: ArrayLike, values: ArrayLike) -> Slope:
 
 
 class Growth:
-    """Figures that are measured at regular times."""
+    """Measures figures at regular times."""
 
     def __init__(self, every_s: float, figures: Callable[[], dict[str, float]]) -> None:
         self._every_s, self._figures = every_s, figures
@@ -89,19 +89,19 @@ class Growth:
             self._rows.append(row := self._figures())
             if len(self._rows) % round(300 / self._every_s) == 0:
                 told = ", ".join(f"{name} {value:.1f}" for name, value in row.items())
-                print(f"{now_s / 60:.0f} minutes: {told}", file=sys.stderr, flush=True)
+                print(f"after {now_s / 60:.0f} minutes: {told}", file=sys.stderr, flush=True)
 
     def _kept(self) -> slice:
         skipped_s = min(_SKIPPED_S, self._times_s[-1] / 4)
         return slice(sum(at_s < skipped_s for at_s in self._times_s), None)
 
     def gain(self, name: str) -> float:
-        """Return by how much a figure grew since the measurements count."""
+        """Return the growth of a figure over the counted measurements."""
         kept = self._rows[self._kept()]
         return kept[-1][name] - kept[0][name]
 
     def table(self) -> str:
-        """Return each figure but CPU time at first and at last, and its growth in an hour."""
+        """Return the first and last value and the growth per hour of all figures but CPU time."""
         lines = [f"{'':16} {'at first':>10} {'at last':>10} {'an hour':>10}  95 % of the slope"]
         times_s, rows = self._times_s[self._kept()], self._rows[self._kept()]
         for name in (name for name in rows[0] if not name.endswith(("CPU s", "pictures"))):

@@ -33,7 +33,7 @@ AS_ROS = Qos(Policy.Reliability.Reliable(100_000_000), Policy.History.KeepLast(1
 def own_domain() -> int:
     """Return a domain for this process and its children, because other tests run at the same time.
 
-    The domain is at most 101, because Linux gives the ports of higher domains to other connections.
+    The domain is at most 101, because Linux may use the ports of higher domains for any connection.
     """
     return 1 + os.getpid() % 100
 
@@ -42,8 +42,7 @@ class DdsRobot:
     """Once `frozen`, the robot receives and sends nothing more.
 
     Args:
-        domain: The robot's domain; in the process of the program under test, the robot is one more
-            participant.
+        domain: The robot's domain.
     """
 
     def __init__(self, domain: int) -> None:

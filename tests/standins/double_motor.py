@@ -1,6 +1,6 @@
 """Stands in for LEGO's library and a double motor, in virtual time.
 
-Other tests drive the real library, with the motor of `lego_education.py` behind it.
+Other tests drive LEGO's real library with the simulated motor of `lego_education.py`.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class Motor:
 
 
 def _bind() -> tuple[socket.socket, socket.socket]:
-    """Bind both to one port of four digits, because clients also answer the beacon on that port."""
+    """Bind both sockets to one port of four digits, on which clients also answer the beacon."""
     for port in range(5555, 10_000):
         with contextlib.suppress(OSError), contextlib.ExitStack() as stack:
             server = stack.enter_context(socket.create_server(("127.0.0.1", port)))
@@ -49,7 +49,7 @@ def _bind() -> tuple[socket.socket, socket.socket]:
 
 
 class StockFirmware:
-    """Executes direct commands like the firmware, on any clock; after `frozen` it does nothing.
+    """Executes direct commands like the firmware, on any clock; once `frozen`, it does nothing.
 
     Args:
         now_s: The clock.
@@ -88,7 +88,7 @@ class StockFirmware:
 
 
 class StockBrick(StockFirmware):
-    """Listens on loopback; after `frozen` it answers nothing.
+    """Serves the brick on loopback; once `frozen`, it answers nothing.
 
     Args:
         beacon_port: The port of its announcements; 0 for a free port.
@@ -156,7 +156,7 @@ class StockBrick(StockFirmware):
 
 
 class _Machine:
-    """Reads bytecodes one after the other, as the firmware's documents describe them."""
+    """Reads bytecodes one after the other, by the firmware's documents."""
 
     def __init__(self, brick: StockFirmware, codes: bytes, results: bytearray) -> None:
         self.brick, self.codes, self.results, self.at = brick, codes, results, 0

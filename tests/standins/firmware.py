@@ -88,8 +88,7 @@ class FirmwareRobot:
     def moves(self) -> list[tuple[float, float, float]]:
         """The wheels' orders so far: (seconds, left, right), by the robot's clock.
 
-        The robot sets its wheels before it reports an order, so the list contains an order once its
-        report has arrived.
+        The robot sets its wheels before it reports, so a reported order is always in the list.
         """
         self._read()
         return self._moves

@@ -25,7 +25,7 @@ HERE = Path(__file__).parent
 
 
 def modules(**found: Any) -> dict[str, Any]:
-    """Return globals in which an import finds these modules first."""
+    """Return globals whose `import` finds these modules first."""
 
     def find(name: str, *args: Any) -> Any:
         return found[name] if name in found else builtins.__import__(name, *args)
@@ -34,7 +34,7 @@ def modules(**found: Any) -> dict[str, Any]:
 
 
 def load(file: str, **found: Any) -> SimpleNamespace:
-    """Return a module of this folder, which imports these modules, and whose lines nobody reads."""
+    """Load a module of this folder, which imports these modules; its printed lines are dropped."""
     names = modules(**found)
     names["print"] = lambda *words: None
     exec(compile((HERE / file).read_text(), file, "exec"), names)
@@ -46,7 +46,7 @@ class OverError(BaseException):
 
 
 class Box:
-    """Messages in transit to one side, each with its own delay."""
+    """Messages in transit to one side, each with a delay of its own."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
@@ -54,7 +54,7 @@ class Box:
         self._news = threading.Event()
 
     def put(self, data: bytes, delay_s: float) -> None:
-        """Send a message; messages stay in order."""
+        """Send a message; messages arrive in the order of sending."""
         last_s = self._waiting[-1][0] if self._waiting else 0.0
         self._waiting.append((max(last_s, self._clock.now_s() + delay_s), data))
         self._news.set()

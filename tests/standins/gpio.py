@@ -18,7 +18,7 @@ MOTOR_PINS, CAR_PINS = (17, 18, 22, 23), (12, 13)
 
 
 class MockPins:
-    """`forward` lets time pass, and the keeper checks the time every millisecond."""
+    """The keeper's logic; `forward` lets time pass, and the keeper checks it every millisecond."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
@@ -47,7 +47,7 @@ class MockPins:
 
     @property
     def car(self) -> tuple[float, float]:
-        """The values of a car's servo and ESC; a pulse of 1.5 ms in 20 is the middle."""
+        """The values of a car's servo and ESC; a pulse of 1.5 ms in 20 ms is the middle."""
         servo, esc = (round((self.factory.pin(n).state - 0.075) / 0.025, 6) for n in CAR_PINS)
         return servo, esc
 

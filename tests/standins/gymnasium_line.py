@@ -1,4 +1,4 @@
-"""A Gymnasium environment of pixels: a spot on a line, to be moved to either end."""
+"""A Gymnasium environment of pixels: the task is to move a spot to either end of a line."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 
 class Line(gymnasium.Env[Any, Any]):
-    """The spot begins in the middle; each step costs a point, and the ends are worth ten."""
+    """The spot begins in the middle; each step costs a point, and an end is worth ten points."""
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
     compute: ClassVar[Callable[[], None]] = staticmethod(lambda: None)
-    """Called at each step, so that a test can let time pass."""
+    """A function that each step calls, so that a test can let time pass."""
 
     def __init__(
         self,

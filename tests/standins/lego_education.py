@@ -26,7 +26,7 @@ def find_library() -> Any:
 
 
 class FakeDoubleMotor:
-    """`told` lists the orders as (direction, percent, milliseconds); `cut` carries it out of range.
+    """`told` lists the orders as (direction, percent, milliseconds); `cut` takes it out of range.
 
     Settings (`end_state`, `acceleration`, `steering`) last from one program to the next, as in the
     motor. `others` are further motors in range.

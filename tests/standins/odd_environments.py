@@ -1,4 +1,4 @@
-"""Environments as other people write them: their pictures, actions, rewards and behaviours.
+"""Unusual third-party environments: their pictures, actions, rewards and behaviours.
 
 The true picture has three upright bands, red, green and blue, and a white bar at the top; grey
 variants have its luminance.
@@ -107,7 +107,7 @@ UNDRIVABLE: dict[str, tuple[Callable[[], Any], str]] = {
     "a picture": (lambda: spaces.Box(0, 255, (64, 64, 3), np.uint8), "12288 numbers"),
     "a hand": (lambda: spaces.Box(-1.0, 1.0, (24,)), "49 moves"),
 }
-"""Actions that a thumb cannot give, each with words of the sentence that refuses it."""
+"""Kinds of actions that a pilot cannot give, each with words of its refusal."""
 REWARDS: dict[str, tuple[Any, float]] = {
     "a number": (1.5, 1.5),
     "several": (np.array([1.0, -0.25]), 0.75),

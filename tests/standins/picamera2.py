@@ -22,7 +22,7 @@ class Request:
 
     def __init__(self, index: int, size: tuple[int, int]) -> None:
         self._index, self._size = index, size
-        self._stamp_ns = time.monotonic_ns() - 20_000_000  # exposed, then read out
+        self._stamp_ns = time.monotonic_ns() - 20_000_000  # the exposure precedes the readout
 
     def make_array(self, name: str) -> np.ndarray[Any, np.dtype[np.uint8]]:
         assert name == "main"
@@ -42,7 +42,7 @@ class Picamera2:
     n_cameras = 1
     is_frozen = threading.Event()
     clock: Clock = RealClock()
-    """The clock of its pictures."""
+    """The clock that stamps the pictures."""
     _open = threading.Lock()
 
     @staticmethod
@@ -64,7 +64,7 @@ class Picamera2:
     def configure(self, configuration: dict[str, Any]) -> None:
         main = configuration["main"]
         if main["format"] != "BGR888":
-            raise RuntimeError("other colours are another test's")
+            raise RuntimeError("only these colours are simulated")
         self._size = main["size"]
 
     def start(self) -> None:

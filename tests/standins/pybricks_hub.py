@@ -1,5 +1,5 @@
-"""A LEGO hub with Pybricks. The hub's program really runs, on Debian's micropython with replaced
-`pybricks` modules, and the library `bleak` seems to show the hub's GATT service.
+"""A LEGO hub with Pybricks: Debian's micropython runs the hub's program with simulated `pybricks`
+modules, and a simulated `bleak` shows the hub's GATT service.
 
 `hub.bluetooth` replaces the module `bleak`.
 """
@@ -29,7 +29,7 @@ _MODULES = Path(__file__).parent / "hub_modules"
 _SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
 _COMMAND_EVENT = "c5f50002-8280-46da-89f4-6d8051e4aeef"
 _CAPABILITIES = "c5f50003-8280-46da-89f4-6d8051e4aeef"
-_OTHERS = {  # read by third-party clients: firmware, protocol, PnP id (SPIKE Prime)
+_OTHERS = {  # third-party clients read these: firmware, protocol, PnP id (SPIKE Prime)
     "00002a26-0000-1000-8000-00805f9b34fb": b"3.6.1",
     "00002a28-0000-1000-8000-00805f9b34fb": b"1.3.0",
     "00002a50-0000-1000-8000-00805f9b34fb": struct.pack("<BHHH", 1, 0x0397, 0x81, 0),
@@ -82,7 +82,7 @@ class FakeHub:
     # A person's actions on the hub ---------------------------------------------------------------
 
     def start_program(self) -> None:
-        """Start the program and wait until it runs; on a real hub it runs at once."""
+        """Start the program, and wait until it runs; on a real hub, it runs at once."""
         self.light = ""
         self.process = subprocess.Popen(
             [find_micropython(), str(PROGRAM)],
@@ -111,8 +111,8 @@ class FakeHub:
         self.process.send_signal(how)
 
     def cut(self) -> None:
-        """Carry the hub out of range: nothing arrives any more, and after a while both sides notice
-        the loss."""
+        """Take the hub out of range: nothing arrives any more, and after a while both sides notice
+        that."""
         self.is_in_reach = False
         for client in list(self.clients):
             client.call(client.lose, LOST_AFTER_S)

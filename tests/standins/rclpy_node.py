@@ -55,8 +55,7 @@ _PACKAGES = {Twist: "geometry_msgs", TwistStamped: "geometry_msgs", Header: "std
 
 
 class WatchdogNode:
-    """The running node: Runs the watchdog: `take` gives it an order, and `publish` is called with
-    everything that it publishes.
+    """The running watchdog: `take` gives it an order, and `publish` gets all that it publishes.
 
     Args:
         clock: The node's clock.
@@ -94,7 +93,7 @@ class WatchdogNode:
             told = TwistStamped(
                 Header(Time(**header["stamp"]), header["frame_id"]), _twist(message["twist"])
             )
-        with self._turn:  # one call at a time, as with rclpy's executor
+        with self._turn:  # one call at a time, like rclpy's executor
             take(told)
 
     def _run(self) -> None:

@@ -25,8 +25,8 @@ SETTLED = "/settled"
 
 
 class RosBridgeServer:
-    """While `frozen`, the rosbridge receives and sends nothing, not even pongs. `cmd_vel` has all
-    velocities so far, and `told` all messages by topic."""
+    """While `frozen`, the rosbridge receives and sends nothing, not even pongs. `cmd_vel` lists all
+    velocities so far, and `told` lists all messages by topic."""
 
     def __init__(self) -> None:
         self.frozen = threading.Event()
@@ -34,7 +34,7 @@ class RosBridgeServer:
         self.cmd_vel: list[dict[str, Any]] = []
         self.told: dict[str, list[dict[str, Any]]] = defaultdict(list)
         self.answers: Callable[[dict[str, Any]], list[str]] = lambda asked: []
-        """Further messages that answer each operation."""
+        """Returns further messages that answer an operation."""
         self.port = 0
         self._sockets: set[Any] = set()
         self._listeners: dict[str, set[Any]] = defaultdict(set)
@@ -87,7 +87,7 @@ class RosBridgeServer:
         while not self._over.is_set():
             await asyncio.sleep(0.005)
             while self.frozen.is_set() and not self._over.is_set():
-                time.sleep(0.005)  # the whole process is paused, as after SIGSTOP
+                time.sleep(0.005)  # pauses the whole process, like SIGSTOP
 
     async def _talk(self, socket: Any, path: str = "") -> None:
         self._sockets.add(socket)

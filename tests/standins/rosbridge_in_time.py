@@ -40,8 +40,7 @@ class WatchedBridge(RunningProgram):
         return max(0.0, self.clock.now_s() - self.lost_s)
 
     def publish(self, topic: str, message: Any, *_: Any) -> None:
-        """Publish a velocity without the zero that a server sends afterwards, as if the server was
-        gone."""
+        """Publish a velocity without a zero afterwards, as if the server was gone."""
         self.send(self.to_board, json.dumps(message).encode())
 
     def hear(self, topic: str, message: Any) -> None:

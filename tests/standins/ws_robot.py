@@ -1,4 +1,4 @@
-"""A robot that serves a websocket, by docs/reference/robot-protocol.md."""
+"""A robot that serves a websocket, as in docs/reference/robot-protocol.md."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.kit.loops import LoopThread
 class WsRobot:
     """A robot that moves until the time of its move is over; while `silent`, it answers nobody.
 
-    `repeats` is the number of times that the next answer is sent again, like late answers.
+    `repeats` is the number of additional copies of the next answer, like late answers.
     """
 
     def __init__(self, secret: str = "") -> None:
@@ -69,7 +69,7 @@ class WsRobot:
         is_deaf = False
         async for message in socket:
             is_deaf = is_deaf or self.silent.is_set()
-            # the connection is closed for good: a client that wants an answer must connect again
+            # the connection stays closed: a client that wants an answer must connect again
             if is_deaf:
                 continue
             self._obey(message.encode())

@@ -1,7 +1,7 @@
 """The page's source uses only features of browsers from the end of 2020 (docs/howto/page.md).
 
-The compiler checks the language's own library, with the `lib` of ES2021 (tsconfig.json). The tests
-in this file check the rest: syntax, browser features, styles.
+The TypeScript compiler checks the standard library, with the `lib` of ES2021 (tsconfig.json). The
+tests in this file check syntax, browser features and styles.
 """
 
 from __future__ import annotations

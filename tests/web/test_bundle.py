@@ -1,5 +1,4 @@
-"""In a wheel the page's modules are joined into few files with the same meaning, which may be
-cached indefinitely."""
+"""A wheel has the page's modules as few files with the same code, which may be cached forever."""
 
 from __future__ import annotations
 
@@ -25,7 +24,7 @@ HASHED = re.compile(r"(?:js|css)/[0-9a-f]{10}-[\w-]+\.\w+")
 
 @pytest.fixture
 def web(tmp_path: Path) -> Path:
-    """A copy of the page, to be changed."""
+    """A copy of the page, which a test may change."""
     return shutil.copytree(WEB, tmp_path / "web", ignore=shutil.ignore_patterns("__pycache__"))
 
 
@@ -49,7 +48,7 @@ def test_each_module_is_in_one_file_and_each_file_is_named_by_its_content() -> N
     given = re.compile(r"^\$m\['(js/[^']+)'\] = ", re.MULTILINE)
     modules = [name for text in page.values() for name in given.findall(text.decode())]
     assert {"js/main.js", "js/stop.js", "js/library/home-screen.js"} < set(modules)
-    shared = {"js/painter.js", "js/picture.js", "js/protocol.js"}  # drawn by a worker, or without
+    shared = {"js/painter.js", "js/picture.js", "js/protocol.js"}  # a worker needs them, too
     assert {m for m in modules if modules.count(m) > 1} == shared
     for address, data in page.items():
         assert address.split("/")[1].startswith(hashlib.sha256(data).hexdigest()[:10] + "-")
@@ -145,7 +144,7 @@ def test_bundled_files_are_cached_forever_and_the_document_is_requested_again() 
         assert file.headers["content-encoding"] == "gzip"
         kind = "javascript" if address.endswith(".js") else "css"
         assert kind in file.headers["content-type"]
-        # # On Windows, starlette asks for a file with backslashes.
+        # On Windows, starlette asks for a file with backslashes.
         assert get(address.replace("/", "\\")).content == file.content
     plain = get("/", accept_encoding="identity")
     assert "content-encoding" not in plain.headers

@@ -18,7 +18,7 @@ def suite(words: list[str]) -> int:
     """Run the quick part of the suite under Wine; return the exit status."""
     options = ["-q", "-p", "no:cacheprovider", "-p", "tests.windows.skips", "-m", QUICK]
     is_named = any(Path(ROOT, word.partition("::")[0]).exists() for word in words)
-    # Wine cannot write to a file that was opened here, so the output comes through a pipe.
+    # The output comes through a pipe, because Wine cannot write to a file that is opened here.
     process = subprocess.Popen(
         python("-m", "pytest", *options, *words, *([] if is_named else SUITE)),
         stdin=subprocess.DEVNULL,

@@ -1,5 +1,4 @@
-"""Runs a program in a console of Windows, in which a test can press Ctrl-C, and which it can
-close."""
+"""Runs a program in a console of Windows, in which a test can press Ctrl-C or close the window."""
 
 from __future__ import annotations
 
@@ -39,7 +38,7 @@ class Console:
         self._reading.start()
 
     def _read(self) -> None:
-        with contextlib.suppress(OSError):  # the console is gone
+        with contextlib.suppress(OSError):  # the console no longer exists
             while data := os.read(self._master, 4096):
                 self.said += data
 

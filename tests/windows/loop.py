@@ -1,5 +1,4 @@
-"""A client runs the tutorial's loop on Windows: it teaches, hands over, ends the program, and
-restores the model."""
+"""A client runs the tutorial's loop on Windows: it teaches, lets the robot drive, and restarts."""
 
 from __future__ import annotations
 
@@ -39,7 +38,7 @@ def run(folder: Path) -> None:
         taught_in_all = _lessons(address)
         status = console.press_ctrl_c()
     assert status in (0, 130), f"Ctrl-C ended it with {status}: {console.said[-2000:]!r}"
-    print(f"taught {taught} examples, then it drove {alone_s:.0f} s alone; Ctrl-C ended it")
+    print(f"taught {taught} examples; the robot drove {alone_s:.0f} s by itself until Ctrl-C")
     (name,) = ModelStore(Storage(data)).names()
     assert ModelStore(Storage(data)).load(name).summary.n_examples == taught_in_all
 
@@ -50,7 +49,7 @@ def run(folder: Path) -> None:
     with _served(data) as (console, address):
         assert _lessons(address) >= more, "a closed window loses no example"
         console.press_ctrl_c()
-    print(f"a closed window lost nothing: {more} examples are there again")
+    print(f"a closed window lost nothing: {more} examples were restored")
     _recordings_are_the_same(folder, data)
 
 
@@ -64,7 +63,7 @@ def _recordings_are_the_same(folder: Path, data: Path) -> None:
     there = subprocess.run(command, capture_output=True, text=True, env=environment(), cwd=ROOT)
     here = [digest(path) for path in paths]
     assert there.stdout.split("\n")[: len(here)] == here, (there.stdout, there.stderr, here)
-    print("read the same on both systems:", *here, sep="\n  ")
+    print("these recordings read the same on both systems:", *here, sep="\n  ")
 
 
 def windows_path(path: Path) -> str:
@@ -114,7 +113,7 @@ def _teach(address: str, lessons: int = LESSONS) -> int:
 
 
 def _hand_over(address: str) -> float:
-    """Let it drive until it has driven long enough by itself; return the time."""
+    """Let the robot drive by itself for long enough; return the time."""
     with contextlib.closing(_pilot(address)) as pilot:
         alone_s, end_s = 0.0, time.monotonic() + PATIENCE_S
         while alone_s < ALONE_S:

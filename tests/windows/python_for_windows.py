@@ -2,8 +2,8 @@
 
 No installer of Windows' Python runs unattended in every Wine, and the package index has none. But
 panda3d's wheel for Windows contains the whole interpreter except python.exe, and the standard
-library is the one that runs this script. Where the code replaces something that Wine 8 lacks, a
-comment names it.
+library comes from the Python that runs this script. A comment marks each replacement for something
+that Wine 8 lacks.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ PYTHON = PLACE / "python"
 SITE = PYTHON / "Lib" / "site-packages"
 WINE = Path("/usr/lib/wine/wine64")
 DLL = f"python{sys.version_info.major}{sys.version_info.minor}.dll"
-# The requirements of the tests, those of pip on Windows only, and the newest numpy that Wine 8 can
-# load.
+# The requirements of the tests, those that pip needs only on Windows, and the newest numpy that
+# Wine 8 can load.
 MORE = ["pytest", "pytest-timeout", "pytest-xdist", "hypothesis", "httpx", "jsonschema", "colorama"]
 FOR_WINE = ["numpy==1.26.4"]
 
@@ -43,8 +43,7 @@ def python(*words: str) -> list[str]:
 
 
 def make() -> None:
-    """Make Windows' Python anew in var/windows, with the clone's wheel; needs root if Wine is
-    missing."""
+    """Make a new Python in var/windows, with the clone's wheel; if Wine is missing, needs root."""
     if not WINE.exists():
         _run("apt-get", "update", "-qq")
         _run("apt-get", "install", "-y", "-qq", "--no-install-recommends", "wine64", "wine")
@@ -78,7 +77,7 @@ def _lay_out() -> None:
         _unpack(wheel)
     (PYTHON / "DLLs").mkdir()
     for part in (SITE / "deploy_libs").iterdir():
-        # this function hangs in Wine 8
+        # the original function hangs in Wine 8
         is_extension = part.suffix == ".pyd" and part.name != "_wmi.pyd"
         if is_extension or (part.suffix == ".dll" and not part.name.startswith("api-ms-")):
             part.rename(PYTHON / ("DLLs" if is_extension else "") / part.name)

@@ -1,4 +1,4 @@
-"""Prints a digest of the data read from recordings, which must be the same on every system.
+"""Prints a digest of the data in recordings, which must be the same on every system.
 
 python -m tests.windows.readings RECORDING ...
 """

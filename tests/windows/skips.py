@@ -1,5 +1,4 @@
-"""Skips tests of functions that Windows lacks, each with its reason: a plugin of `make
-test-windows`."""
+"""A plugin of `make test-windows`, which skips tests of functions that Windows lacks."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ ITSELF = "server/test_damaged_folder.py::test_the_data_folder_itself_may_be_some
 LINKS = "symbolic links, which few accounts may make on Windows"
 NO_EXTRA = "the extra `{}` is not installed on Windows"
 EXTRA_LIBRARIES = ("sklearn", "scipy", "matplotlib", "river", "pyarrow", "av")
-"""Modules that tests import directly; other tests learn from the product what is missing."""
+"""Modules that tests import directly; the product's errors name other missing modules."""
 SKIPPED = {
     "robot/bodies/gpio": KERNEL + "GPIO",
     "robot/bodies/ev3/test_v4l2.py": KERNEL + "V4L2",
@@ -96,4 +95,4 @@ def _without_extras() -> Generator[None, Any, Any]:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in EXTRA_LIBRARIES:
             raise
-        pytest.skip(f"{error.name} is not installed there")
+        pytest.skip(f"{error.name} is not installed on Windows")

@@ -237,7 +237,7 @@ def in_class_time(
     faults: Callable[[random.Random, int], str] = lambda dice, i: "none",
     is_told: bool = True,
 ) -> Callable[[Callable[..., Coroutine[Any, Any, None]]], Callable[..., None]]:
-    """Run a test that is a coroutine in a class, its first argument.
+    """Run a test that is a coroutine; its first argument is a class.
 
     Args:
         robots: The number of robots.
@@ -270,8 +270,8 @@ def in_class_time(
 
 
 def break_down(pupil: Pupil, fault: str) -> None:
-    """Give a robot's network a fault, or remove it with `none`; open connections are affected as
-    well."""
+    """Give a robot's network a fault, or remove the fault with `none`; this also affects open
+    connections."""
     pupil.fault = fault
     pupil.link.conditions = LinkConditions(
         is_silent=fault in ("silent", "gone"),

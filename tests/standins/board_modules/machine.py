@@ -15,7 +15,7 @@ class Pin:
 
 
 class PWM:
-    """Four of these pins drive two wheels; each setting determines the wheels' motion."""
+    """A pin with PWM; four of these pins determine the motion of two wheels."""
 
     def __init__(self, pin, freq, duty_u16):
         self._place = len(duties)
