@@ -103,7 +103,7 @@ def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
         page.locator("drive-pad .stop").tap()
     page.context.set_offline(False)
     way.fault = ""
-    wait_until(lambda: world.rig.loop.state.emergency, "it is asked for until it is heard")
+    wait_until(lambda: world.rig.loop.state.emergency, "the STOP is repeated until it arrives")
 
 
 def test_a_page_reports_blocked_websockets_and_requests_pictures_instead(
@@ -115,7 +115,7 @@ def test_a_page_reports_blocked_websockets_and_requests_pictures_instead(
     far_phone.locator(".notice p", has_text=words["way.blocked.stands"]).wait_for()
     far_phone.locator(".notice button").click()
     still = "document.querySelector('img.still')?.naturalWidth"
-    wait_until(lambda: far_phone.evaluate(still) > 0, "a picture by request")
+    wait_until(lambda: far_phone.evaluate(still) > 0, "a picture arrives by request")
     way.fault = "gateway"
     far_phone.locator(".notice p", has_text=words["way.gateway"]).wait_for()
     way.fault = ""
@@ -146,7 +146,7 @@ def test_a_second_tab_watches_requests_the_wheel_and_takes_over(
     second.locator(".notice", has_text="You have the wheel now").wait_for()
     assert world.mode is Mode.STOPPED, "the robot stops when the wheel changes hands"
     second.locator("drive-pad .stop").tap()
-    wait_until(lambda: world.rig.loop.state.emergency, "anybody may stop it")
+    wait_until(lambda: world.rig.loop.state.emergency, "the STOP is obeyed")
     context.close()
 
 

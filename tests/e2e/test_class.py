@@ -131,7 +131,7 @@ def test_the_board_renames_pairs_locks_copies_models_and_stops(
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         page.mouse.down()
         for robot in school.robots:
-            wait_until(lambda r=robot: r.robot.loop.state.emergency, "STOP ALL reaches each")
+            wait_until(lambda r=robot: r.robot.loop.state.emergency, "STOP ALL reaches each robot")
             driver: Any = robot.robot.driver
             assert driver.now is Action.STOP
         page.mouse.up()
@@ -143,14 +143,14 @@ def test_the_board_renames_pairs_locks_copies_models_and_stops(
         page.locator(".robot", has_text="Stopped by you").first.wait_for()
         page.get_by_role("button", name="Release all").click()
         for robot in school.robots:
-            wait_until(lambda r=robot: not r.robot.loop.state.emergency, "each is released")
+            wait_until(lambda r=robot: not r.robot.loop.state.emergency, "each robot is released")
 
         # The keys of a television's remote control, which have no code, also stop.
         page.evaluate("document.activeElement.blur()")
         space = "new KeyboardEvent('keydown', {key: ' ', bubbles: true})"
         page.evaluate(f"document.body.dispatchEvent({space})")
         for robot in school.robots:
-            wait_until(lambda r=robot: r.robot.loop.state.emergency, "space stops each")
+            wait_until(lambda r=robot: r.robot.loop.state.emergency, "space stops each robot")
         for phone in phones:
             phone.close()
         context.close()

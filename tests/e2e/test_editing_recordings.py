@@ -140,7 +140,7 @@ def test_a_model_trained_from_recordings_is_compared_and_kept_or_dropped(
     assert phone.locator(".sides strong").count() == 2, "the agreement before and after"
     press(phone, "Keep and use it")
     phone.locator("h3", has_text=taught).wait_for(state="detached")
-    wait_until(lambda: world.lessons == 2 * FILMED, "the robot uses what it was taught again")
+    wait_until(lambda: world.lessons == 2 * FILMED, "the robot uses the new model")
     phone.locator("toast-bar, .toasts", has_text="is now in use").first.wait_for()
 
 

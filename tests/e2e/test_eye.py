@@ -83,7 +83,7 @@ def test_a_phone_as_the_eye_reports_a_covered_lens_and_its_stop_is_obeyed(tmp_pa
         rig.loop.need_picture_every(0.0)  # while the robot stands, it would skip pictures
         rig.loop.subscribe(note)
         page.goto(address + "/eye")
-        wait_until(lambda: len(frames) >= 12, "its pictures are the robot's")
+        wait_until(lambda: len(frames) >= 12, "the robot gets the phone's pictures")
         frame, _ = frames[-1]
         assert (frame.width, frame.height) == (320, 240)
         assert np.ptp(to_rgb(frame).reshape(-1, 3).astype(int), axis=0).max() < 40
@@ -92,7 +92,7 @@ def test_a_phone_as_the_eye_reports_a_covered_lens_and_its_stop_is_obeyed(tmp_pa
         wait_until(lambda: "covered" in (rig.camera.fault or ""), "the robot is told, too")
 
         page.locator("#stop").tap()
-        wait_until(lambda: rig.loop.state.emergency, "its STOP")
+        wait_until(lambda: rig.loop.state.emergency, "the phone's STOP")
         page.locator("#said[data-level=bad]").wait_for()
 
         def is_released() -> bool:

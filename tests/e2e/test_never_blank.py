@@ -76,7 +76,7 @@ def test_a_lost_screen_opens_by_itself_and_is_shown_once(context: Any, world: Wo
     told = page.get_by_role("alert").filter(has_text="did not answer")
     told.wait_for()
     page.locator("app-bar .stop").tap()
-    wait_until(lambda: world.rig.loop.state.emergency, "STOP is there all the time")
+    wait_until(lambda: world.rig.loop.state.emergency, "STOP works")
     context.unroute(SCREENS)
     page.locator("gallery-screen .lead").first.wait_for(timeout=60_000)
     assert (page.locator("gallery-screen").count(), told.count()) == (1, 0)

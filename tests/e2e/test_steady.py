@@ -124,7 +124,7 @@ def test_the_map_moves_no_button_when_it_comes(chromium: Any, world: World) -> N
     on_its_way: list[Any] = []
     context.route("**/*-screens.js", lambda route: on_its_way.append(route))
     page = open_page(context, world.address)
-    wait_until(lambda: page.evaluate("true") and on_its_way, "the map is asked for")
+    wait_until(lambda: page.evaluate("true") and on_its_way, "the page requests the map")
     places = (
         "[...document.querySelectorAll('drive-pad button')].map(b => b.getBoundingClientRect())"
     )

@@ -167,5 +167,5 @@ def test_stop_is_pressed_in_every_way(
 def test_stop_finds_its_way_without_a_websocket(rovers_phone: Any, rover: World) -> None:
     rovers_phone.evaluate("document.querySelector('drive-pad').page.connection.say = () => false")
     rovers_phone.locator("drive-pad .stop").tap()
-    wait_until(lambda: rover.rig.loop.state.emergency, "it asks over HTTP")
+    wait_until(lambda: rover.rig.loop.state.emergency, "the page sends STOP over HTTP")
     rovers_phone.reload()  # the page has a websocket again

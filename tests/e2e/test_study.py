@@ -189,7 +189,7 @@ def the_questions_are_answered(page: Any, world: World, *, by_keyboard: bool) ->
             radio.check()
     if not by_keyboard:
         url = f"{world.address}/api/session"
-        wait_until(lambda: len(httpx.get(url).json()["session"]["answers"]) == 10, "each is kept")
+        wait_until(lambda: len(httpx.get(url).json()["session"]["answers"]) == 10, "ten are saved")
         page.reload()
         send.wait_for()
     send.click()

@@ -98,14 +98,14 @@ def what_the_pilot_says_of_the_teaching_counts_until_it_is_taken_back(
 
     show(phone, "teaching")
     phone.get_by_role("button", name="I do it differently now").tap()
-    wait_until(lambda: outdated_before() > 0, "what was taught before is outdated")
+    wait_until(lambda: outdated_before() > 0, "earlier examples are outdated")
     phone.locator("toast-bar").get_by_role("button", name="Undo").tap()
-    wait_until(lambda: outdated_before() == 0, "it counts again")
+    wait_until(lambda: outdated_before() == 0, "earlier examples count again")
     word = phone.get_by_role("checkbox", name="Left and right are alike here")
     word.check()
-    wait_until(lambda: params_of(world)["alike"], "it counts in the mirror, too")
+    wait_until(lambda: params_of(world)["alike"], "left and right are alike")
     word.uncheck()
-    wait_until(lambda: not params_of(world)["alike"], "it no longer does")
+    wait_until(lambda: not params_of(world)["alike"], "left and right differ again")
 
 
 def a_relabelled_image_changes_what_the_robot_would_do_there(phone: Any, world: World) -> None:
@@ -117,13 +117,13 @@ def a_relabelled_image_changes_what_the_robot_would_do_there(phone: Any, world: 
     def votes_for_right() -> float:
         return prediction().probabilities.get(Action.RIGHT, 0.0)
 
-    wait_until(lambda: prediction().action is Action.LEFT, "it would turn left here")
+    wait_until(lambda: prediction().action is Action.LEFT, "the robot proposes left")
     show(phone, "gallery")
     phone.locator(".lit .card").tap()
     phone.locator(".detail [data-move=right]").tap()
     wait_until(lambda: votes_for_right() > 0.1, "the view's nearest image speaks for the new label")
     phone.locator("toast-bar button").tap()
-    wait_until(lambda: votes_for_right() < 0.05, "undone")
+    wait_until(lambda: votes_for_right() < 0.05, "the relabelling is undone")
 
 
 def what_is_undone_is_what_was_shown(phone: Any, world: World) -> None:
@@ -133,7 +133,7 @@ def what_is_undone_is_what_was_shown(phone: Any, world: World) -> None:
     assert "Left" in phone.locator("undo-screen [role=status]").inner_text()
     phone.locator("undo-screen .wide").tap()
     phone.locator("toast-bar").wait_for()
-    wait_until(lambda: world.lessons < lessons, "the newest are gone")
+    wait_until(lambda: world.lessons < lessons, "the newest examples are gone")
 
 
 def a_model_is_renamed_copied_and_another_one_begun(phone: Any, world: World) -> None:
@@ -147,7 +147,7 @@ def a_model_is_renamed_copied_and_another_one_begun(phone: Any, world: World) ->
     phone.locator(".model >> nth=1").wait_for()
     phone.get_by_role("button", name="Start over").tap()
     phone.locator("toast-bar", has_text="knows nothing").wait_for()
-    wait_until(lambda: world.lessons == 0, "the robot begins with nothing")
+    wait_until(lambda: world.lessons == 0, "the robot has no examples")
 
 
 def what_it_knew_comes_back_and_so_does_what_was_deleted(phone: Any, world: World) -> None:
@@ -156,7 +156,7 @@ def what_it_knew_comes_back_and_so_does_what_was_deleted(phone: Any, world: Worl
     phone.get_by_role("button", name="More about Kitchen", exact=True).tap()
     use = phone.get_by_role("button", name="Use this one")
     use.tap()
-    wait_until(lambda: world.lessons > lessons, "what it knew is back")
+    wait_until(lambda: world.lessons > lessons, "the earlier model is back")
     use.wait_for(state="detached")  # the list is redrawn, so a tap on the old list would be lost
     phone.get_by_role("button", name="Delete").first.tap()
     phone.locator("toast-bar button").tap()
@@ -167,7 +167,7 @@ def another_place_is_chosen_and_drawn(phone: Any, world: World) -> None:
     simulation = world.rig.driver.simulation
     show(phone, "settings")
     phone.get_by_label("Place", exact=True).select_option("box")
-    wait_until(lambda: simulation.world.name == "box", "it is in the box")
+    wait_until(lambda: simulation.world.name == "box", "the robot is in the box")
     for screen, drawn in (("settings", "settings-screen"), ("drive", "drive-map")):
         show(phone, screen)
         phone.wait_for_function(

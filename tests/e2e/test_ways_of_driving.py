@@ -48,7 +48,7 @@ def desktop(rovers_desktop: Any) -> Any:
 
 
 def test_a_finger_slides_and_two_fingers_are_one_direction(phone: Any, world: World) -> None:
-    wait_until(lambda: _slides_without_a_stop(phone, world), "each finger counts", 240)
+    wait_until(lambda: _slides_without_a_stop(phone, world), "the newest finger counts", 240)
     assert phone.evaluate("visualViewport.scale") == 1, "two fingers do not zoom"
 
 
@@ -96,7 +96,7 @@ def test_enter_holds_a_focused_button_for_as_long_as_it_is_down(desktop: Any, wo
         down()
         desktop.wait_for_timeout(40)
     up()
-    wait_until(lambda: world.action is Action.STOP, "it is let go of")
+    wait_until(lambda: world.action is Action.STOP, "the key is released")
     said = desktop.evaluate("said.filter(([held]) => !held)")
     assert said[0] == [None, "keyup"], "the move is held from the first press to the release"
     desktop.reload()  # the page shows its usual text
@@ -219,7 +219,7 @@ def test_a_stick_steers_as_far_as_it_is_pushed_and_the_picture_shows_it(
         hold(way, lambda w=way, a=action: near(world, w[0]) and world.action is a)
     hold((1.5, 0.4), lambda: near(world, 1.0))  # a thumb beyond the edge holds the stick at its end
     fingers.slide(stick(), at=(0.02, 0.0))
-    wait_until(lambda: world.action is Action.STOP, "a thumb that rests drives nowhere")
+    wait_until(lambda: world.action is Action.STOP, "a resting thumb stops the robot")
     fingers.lift()
 
 
@@ -274,11 +274,11 @@ def test_a_game_pad_drives_until_it_is_unplugged_and_its_button_stops(
 
     press_until(desktop, world, push, rest, lambda: world.action is Action.FORWARD)
     desktop.evaluate("pads[0] = null")
-    wait_until(lambda: world.action is Action.STOP, "it is let go of")
+    wait_until(lambda: world.action is Action.STOP, "the gamepad is unplugged")
     desktop.evaluate("plug(1, [0, 0, 0, 0])")
     desktop.wait_for_timeout(200)
     desktop.evaluate("plug(1, [0, 0, 0, 0], 1)")
-    wait_until(lambda: world.rig.loop.state.emergency, "its button stops")
+    wait_until(lambda: world.rig.loop.state.emergency, "the gamepad's button stops")
     desktop.reload()  # removes the gamepads
 
 
@@ -288,7 +288,7 @@ def test_modes_are_chosen_while_another_finger_holds(phone: Any, world: World) -
     wanted = world.lessons + 8
     hold_until(world, fingers, "left", lambda: world.lessons > wanted)
     _tap_mode(fingers, "autonomous")
-    wait_until(lambda: world.mode is Mode.AUTONOMOUS, "it drives itself")
+    wait_until(lambda: world.mode is Mode.AUTONOMOUS, "the robot drives by itself")
     fingers.press("mode-bar [data-mode=stopped]", finger=2)
     fingers.slide("video-view", finger=2)
     fingers.lift(finger=2)
@@ -374,5 +374,5 @@ def test_space_stops_a_robot_that_may_move_though_a_control_that_uses_it_has_the
         }"""
     )
     desktop.keyboard.press("Space")
-    wait_until(lambda: world.rig.loop.state.emergency, "it stops")
+    wait_until(lambda: world.rig.loop.state.emergency, "the robot stops")
     desktop.evaluate("document.body.lastElementChild.remove()")

@@ -88,7 +88,7 @@ def test_teach_drive_correct_and_stop_in_the_simulator(phone: Any, world: World)
     fingers.lift()
     phone.wait_for_selector("video-view[data-by=robot]")
     here = world.pose
-    wait_until(lambda: world.pose != here, "let go, it drives on")
+    wait_until(lambda: world.pose != here, "the robot drives on after the correction")
 
     for drawn in (".way.pilot[d^=M]", ".way.robot[d^=M]", ".mark.corrected"):
         phone.locator(f"drive-map {drawn}").first.wait_for(state="attached")
@@ -115,7 +115,7 @@ def an_emergency_stop_is_latched_until_it_is_released(
     phone.wait_for_selector("mode-bar [data-mode=train][aria-disabled=true]")
     fingers.lift()
     phone.locator(".notice button").tap()
-    wait_until(lambda: not world.rig.loop.state.emergency, "released")
+    wait_until(lambda: not world.rig.loop.state.emergency, "the stop is released")
     assert world.mode is Mode.STOPPED, "the robot waits for an explicit start"
     here = world.pose
     phone.wait_for_timeout(500)

@@ -92,7 +92,7 @@ class FaultWorld(ServedWorld):
         if mode != "autonomous":
             self.hold("left")
         wanted = "forward" if mode == "autonomous" else "left"
-        await self.until(lambda: self.drives(wanted), what="it drives")
+        await self.until(lambda: self.drives(wanted), what="the robot drives")
         await self.forward(self.dice.uniform(0.0, 0.2))
 
     async def live_through(self, fault: Fault, mode: str, seed: int) -> Outcome:

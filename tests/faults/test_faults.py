@@ -122,7 +122,7 @@ def test_the_robot_stops_within_half_a_second_after_its_pilot_is_gone(mode: str)
                 await world.forward(world.dice.uniform(0.5, 1.5))
                 fault.begin(world)
                 await world.until(world.stands, 0.5, fault.name)
-                await world.until(lambda: world.mode is Mode.STOPPED, 0.1, "stopped")
+                await world.until(lambda: world.mode is Mode.STOPPED, 0.1, "the robot is stopped")
                 fault.end(world)
 
     in_fault_world(scenario)

@@ -260,7 +260,7 @@ def test_every_message_is_obeyed_even_if_the_disk_cannot_be_written(tmp_path):
         for word, is_pilot in (("yield", False), ("take", True)):
             pilot.send(type=word)
             pilot.wait_for_state(you_are_pilot=is_pilot)
-        server.wait_until(lambda: server.persistence.writer.fault is not None, what="it is said")
+        server.wait_until(lambda: server.persistence.writer.fault is not None, what="the fault")
         assert pilot.errors() == [] and disk.calls
         disk.heal()
 

@@ -219,7 +219,7 @@ async def test_a_pilot_on_a_slow_link_is_not_disconnected(world):
     assert world.hub.refused[ErrorCode.STALE] > 20, "the link is slow enough for refusals"
     for _ in range(20):
         pilot.send(type="dance")
-    await world.until(lambda: not world.hub.broadcast.clients, what="who is hostile is sent away")
+    await world.until(lambda: not world.hub.broadcast.clients, what="the client is sent away")
 
 
 @in_virtual_time(Config(web=WEB, limits=Limits(idle_s=2.0)))
@@ -228,7 +228,7 @@ async def test_only_a_client_that_falls_silent_is_disconnected(world):
     await world.forward(5.0)
     assert len(world.hub.broadcast.clients) == 2
     silent.is_silent = True
-    waited_s = await world.until(lambda: silent.socket.is_closed, what="the silent one is closed")
+    waited_s = await world.until(lambda: silent.socket.is_closed, what="the client is closed")
     assert 1.5 < waited_s < 2.5 and silent.socket.close_code == 1001
     await world.forward(5.0)
     assert not talking.socket.is_closed and len(world.hub.broadcast.clients) == 1

@@ -32,12 +32,12 @@ def test_a_pilot_drives_and_the_robot_stands_when_it_vanishes():
             pilot.drive_until(lambda: server.driver.now is Action.FORWARD)
             assert pilot.picture is not None
             pilot.vanish()
-            wait_until(lambda: server.driver.now is Action.STOP, "it stands")
+            wait_until(lambda: server.driver.now is Action.STOP, "the robot stands")
         with server.pilot() as pilot:
             pilot.socket.send("x" * 70_000)
             pilot._threads[0].join(60.0)
             assert pilot.socket.close_code == 1009, "a huge message closes the socket"
-        wait_until(lambda: not server.hub.broadcast.clients, "the hub lets it go")
+        wait_until(lambda: not server.hub.broadcast.clients, "the client is gone")
 
 
 def test_tls_with_an_authority_of_our_own(tmp_path):

@@ -69,7 +69,7 @@ async def test_a_release_in_transit_does_not_undo_a_newer_stop(world, newer):
     refusal = await _refusal(pilot)
     assert refusal["code"] == "newer_stop" and "STOP was pressed again" in refusal["message"]
     pilot.release()
-    await world.until(lambda: not world.loop.state.emergency, 1.5, "the newer one was seen")
+    await world.until(lambda: not world.loop.state.emergency, 1.5, "the release is obeyed")
 
 
 @in_virtual_time()
@@ -113,7 +113,7 @@ async def test_a_start_requested_before_a_stop_does_not_start_the_released_robot
     assert world.mode is Mode.STOPPED
     assert pilot.errors() == ["newer_stop"], "a page does not repeat such a start"
     pilot.mode("autonomous")
-    await world.until(lambda: world.mode is Mode.AUTONOMOUS, 1.0, "asked for after it")
+    await world.until(lambda: world.mode is Mode.AUTONOMOUS, 1.0, "a new start is obeyed")
 
 
 @pytest.mark.parametrize(

@@ -92,7 +92,7 @@ class Class:
         """Press STOP for all; return the time until all stand, in seconds."""
         began_s = time.monotonic()
         httpx.post(f"{self.board}/api/stop", json={"robot": None}, timeout=30)
-        wait_until(lambda: all(one["emergency"] for one in self.now()), "all are stopped", 30)
+        wait_until(lambda: all(one["emergency"] for one in self.now()), "all robots stopped", 30)
         return time.monotonic() - began_s
 
     def __enter__(self) -> Self:

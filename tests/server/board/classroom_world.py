@@ -229,7 +229,7 @@ class ClassWorld:
             await phone.wait_for_state()
             phone.mode("train")
             phone.hold("forward")
-            await pupil.until(lambda p=pupil: p.driver.now is Action.FORWARD, 5.0, "it drives")
+            await pupil.until(lambda p=pupil: p.driver.now is Action.FORWARD, 5.0, "a robot drives")
 
 
 def in_class_time(

@@ -43,7 +43,7 @@ async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_a
     lost = [p for p in world.pupils.values() if p not in reached]
     await world.clock.pause(world.dice.uniform(0, 8))
     world.board.stop()
-    took_s = await world.until(lambda: all(map(latched, reached)), 5.0, "the reached stand")
+    took_s = await world.until(lambda: all(map(latched, reached)), 5.0, "these robots stand")
     assert took_s < STOP_S, "a robot that fails does not delay the others"
     named_s = await world.until(
         lambda: {world.link(p).stop.stage for p in lost} == {Stopping.NOT_REACHED}, 5.0, str(lost)
@@ -54,7 +54,7 @@ async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_a
     await world.clock.pause(12.0)  # while a stop is under way, the board tries again often
     for pupil in mendable:
         break_down(pupil, "none")
-    await world.until(lambda: all(map(latched, mendable)), PATIENCE_S + 0.5, "they are back")
+    await world.until(lambda: all(map(latched, mendable)), PATIENCE_S + 0.5, "the robots are back")
     for pupil in lost:
         if pupil not in mendable:
             wanted = Status.NOT_OURS if before[pupil.port] == "wrong key" else Status.NO_CLASS
@@ -69,7 +69,7 @@ async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_a
 async def test_after_any_message_of_a_robot_the_board_connects_to_it_again(world, text):
     _, link = await world.first()
     link.stop.channel._inbox.put_nowait(text)
-    await world.until(lambda: link.status is Status.AWAY, 1.0, "it makes no sense")
+    await world.until(lambda: link.status is Status.AWAY, 1.0, "the board drops the robot")
     assert "is not valid" in link.detail
     await world.until_there()
 
@@ -84,7 +84,7 @@ async def test_a_robot_may_take_long_to_start_and_is_there_soon_afterwards(
     said = [one.name for one in caplog.records if one.levelname == "WARNING"]
     assert said.count("server.board.robot_link") == n_warnings
     break_down(pupil, "none")
-    took_s = await world.until(lambda: world.link(pupil).status is Status.THERE, 10.0, "it is")
+    took_s = await world.until(lambda: world.link(pupil).status is Status.THERE, 10.0, "it is back")
     assert took_s < (1.2 if starts_s < START_S else 5.2)
 
 
@@ -98,7 +98,7 @@ async def test_a_robot_that_stands_already_confirms_the_next_stop_on_the_open_li
     for _ in range(2):
         world.board.stop()
         assert stages() == {Stopping.ASKED}
-        await world.until(lambda: stages() == {Stopping.STOPPED}, CONFIRM_S, "all confirm it")
+        await world.until(lambda: stages() == {Stopping.STOPPED}, CONFIRM_S, "all confirm")
         await world.clock.pause(0.7)
     assert not any("/api/stop" in path for _, path in world.network.requests)
     assert world.board.at_leisure.is_set(), "news arrive again"
@@ -114,7 +114,7 @@ async def test_only_a_state_that_is_newer_than_a_stop_confirms_or_clears_it(worl
     world.board.stop()
     hear({"emergency": True, "stop_held_by": None})
     assert link.stop.stage is Stopping.ASKED, "this STOP is the pupil's own"
-    await world.until(lambda: link.stop.stage is Stopping.STOPPED, 2.0, "by a request")
+    await world.until(lambda: link.stop.stage is Stopping.STOPPED, 2.0, "the request stops it")
     assert any("/api/stop" in path for _, path in world.network.requests)
     number = one.hub.emergency.number
     held = {"emergency": True, "stop_held_by": "teacher", "stop_number": number}
@@ -142,7 +142,7 @@ async def test_a_stop_released_before_a_state_reported_it_is_shown_as_released(w
     told = list[dict[str, Any]]()
     hear, link._note_state = link._note_state, told.append  # the line is slow
     world.board.stop()
-    await world.until(lambda: link.stop.stage is Stopping.STOPPED, 2.0, "by a request")
+    await world.until(lambda: link.stop.stage is Stopping.STOPPED, 2.0, "the request stops it")
     one.loop.release_emergency()
     await world.clock.pause(0.5)
     hear(told[-1])  # the only state that arrives
@@ -175,12 +175,12 @@ async def test_a_late_request_of_a_stop_does_not_stop_a_released_robot(world):
 async def test_one_robot_is_stopped_and_no_other_and_shown_as_free_when_a_phone_releases_it(world):
     one, link = await world.first()
     world.board.stop(link.number)
-    await world.until(lambda: latched(one), STOP_S, "it stands")
-    await world.until(lambda: link.stop.stage is Stopping.STOPPED, 1.0, "confirmed")
+    await world.until(lambda: latched(one), STOP_S, "the robot stands")
+    await world.until(lambda: link.stop.stage is Stopping.STOPPED, 1.0, "the stop is confirmed")
     await world.clock.pause(3.0)
     assert [p for p in world.pupils.values() if p.loop.state.emergency] == [one]
     one.loop.release_emergency()
-    await world.until(lambda: link.stop.stage is None, 1.0, "released")
+    await world.until(lambda: link.stop.stage is None, 1.0, "the stop is released")
     await world.clock.pause(5.0)
     assert not one.loop.state.emergency, "a confirmed stop is never repeated"
 
@@ -219,7 +219,7 @@ async def test_a_restarted_robot_is_joined_again(world):
     one, link = await world.first()
     one.restart()
     await one.hub.start()
-    await world.until(lambda: link.name == "Anew", 20.0, "joined again")
+    await world.until(lambda: link.name == "Anew", 20.0, "the board has joined again")
     await world.until_there([one])
     await one.hub.stop()
 
@@ -229,11 +229,11 @@ async def test_a_robot_whose_name_leads_to_another_address_is_found_and_stopped_
     """The network gives the robot another address while its process runs."""
     one, link = await world.first()
     break_down(one, "gone")
-    await world.until(lambda: link.status is Status.AWAY, 5.0, "it is lost")
+    await world.until(lambda: link.status is Status.AWAY, 5.0, "the robot is lost")
     world.network.hosts[one.port] = "127.0.0.2"
     break_down(one, "none")
     world.board.stop()
-    await world.until(lambda: latched(one), 3.0, "it is stopped at its new address")
+    await world.until(lambda: latched(one), 3.0, "the robot stops")
     await world.until_there()
     assert link.describe()["address"] == f"http://127.0.0.2:{one.port}"
 
@@ -248,7 +248,7 @@ async def test_stop_keeps_its_open_connection_while_the_robot_refuses_requests(w
     await world.clock.pause(2 * _INVITE_EVERY_S)
     assert link.status is Status.THERE and link.joined_s == joined_s
     world.board.stop()
-    await world.until(lambda: latched(one), STOP_S, "by the open connection")
+    await world.until(lambda: latched(one), STOP_S, "the open connection stops it")
     one.fault, before = "none", link.invitations
     await world.until(
         lambda: link.invitations > before and link.invitation, 1.1 * _INVITE_EVERY_S, "a new code"
@@ -261,7 +261,7 @@ async def test_phones_get_the_new_address_of_this_computer_and_its_robots_stay_c
     one, link = await world.first()
     joined_s, own = link.joined_s, [None]
     world.board.follow_own_address(lambda: own[-1])
-    await world.until(lambda: link.page_address(), 5.0, "a code")
+    await world.until(lambda: link.page_address(), 5.0, "the code is shown")
     assert link.page_address().startswith(f"http://127.0.0.1:{one.port}/pair#")
     for host in ("10.0.0.5", "10.0.1.7"):
         own.append(host)
@@ -304,13 +304,13 @@ async def test_pictures_and_news_wait_while_a_stop_is_under_way(world):
     assert not world.board.at_leisure.is_set()
     page.pictures.clear()
     sent = one.hub.broadcast.video.frames_sent
-    await world.until(lambda: latched(one), STOP_S, "it stands")
+    await world.until(lambda: latched(one), STOP_S, "the robot stands")
     await world.clock.pause(CONFIRM_S - 0.1)
     assert one.hub.broadcast.video.frames_sent <= sent + 1, "one picture was in transit"
-    await world.until(world.board.at_leisure.is_set, CONFIRM_S, "it is told who is lost")
+    await world.until(world.board.at_leisure.is_set, CONFIRM_S, "the board gives up")
     assert world.link(lost).stop.stage is Stopping.NOT_REACHED
     await world.until(lambda: bool(page.pictures), 3.0, "pictures come again")
-    await world.until(lambda: world.link(lost).status is Status.AWAY, 3.0, "it counts as lost")
+    await world.until(lambda: world.link(lost).status is Status.AWAY, 3.0, "the robot is lost")
     assert 3.0 < world.clock.now_s() - silent_s < 4.1, "the next ping notices the silence"
     world.board.leave(page)
 

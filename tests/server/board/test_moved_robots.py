@@ -25,7 +25,7 @@ def same_robot(world: ClassWorld) -> list[Pupil]:
 async def comes_up(world: ClassWorld, pupil: Pupil) -> None:
     break_down(pupil, "none")
     world.board.announce(RobotAddress("127.0.0.1", pupil.port))
-    await world.until(lambda: find(world, pupil) is not None, 5.0, "it has proved the key")
+    await world.until(lambda: find(world, pupil) is not None, 5.0, "the robot has proved the key")
     await world.until_there([pupil])
 
 
@@ -51,7 +51,7 @@ async def test_a_robot_that_moves_keeps_its_card_and_its_stop_and_no_stop_waits_
     for old, new in itertools.pairwise([first, *others]):
         break_down(old, "gone")
         left, came = world.link(old), partial(find, world, new)
-        await world.until(lambda left=left: left.status is Status.AWAY, 5.0, "it is lost")
+        await world.until(lambda left=left: left.status is Status.AWAY, 5.0, "the robot is lost")
         world.board.stop()
         await world.until(lambda left=left: left.stop.stage is Stopping.NOT_REACHED, 1.0)
         await world.drive_all([new])
@@ -62,7 +62,7 @@ async def test_a_robot_that_moves_keeps_its_card_and_its_stop_and_no_stop_waits_
         assert page.changed >= {1, left.number}, "the page draws both cards again"
         await world.until(lambda came=came: came().stop.stage is Stopping.STOPPED, 1.0)
         world.board.release({1: came().stop.id})
-        await world.until(lambda new=new: not new.loop.state.emergency, 1.0, "released")
+        await world.until(lambda new=new: not new.loop.state.emergency, 1.0, "the stop is released")
         new.restart()
         await new.hub.start()
         await world.until(lambda came=came: came().name == "Anew", 20.0)
@@ -77,12 +77,14 @@ async def test_two_robots_with_the_same_id_have_two_cards_and_both_are_stopped(w
     await comes_up(world, copy)
     await world.drive_all([one, copy])
     world.board.stop()
-    await world.until(lambda: latched(one) and latched(copy), 0.3, "both stand")
+    await world.until(lambda: latched(one) and latched(copy), 0.3, "both robots stand")
     break_down(copy, "silent")
-    await world.until(lambda: world.link(copy).status is Status.AWAY, 5.0, "it is lost")
+    await world.until(lambda: world.link(copy).status is Status.AWAY, 5.0, "the robot is lost")
     assert cards(world) == {1: one.port, 2: copy.port}
     world.board.stop()
-    await world.until(lambda: world.link(copy).stop.stage is Stopping.NOT_REACHED, 1.0, "named")
+    await world.until(
+        lambda: world.link(copy).stop.stage is Stopping.NOT_REACHED, 1.0, "the copy is named"
+    )
 
 
 @in_class_time(robots=2, is_told=False)
@@ -93,15 +95,15 @@ async def test_a_robot_that_was_taken_for_moved_is_stopped_and_shown_when_it_ans
     await world.drive_all([one])
     one.fault = "gone"  # only its pupil's phone reaches it, not the board
     world.link(one).stop.channel.socket.cut()
-    await world.until(lambda: world.link(one).status is Status.AWAY, 5.0, "it is lost")
+    await world.until(lambda: world.link(one).status is Status.AWAY, 5.0, "the robot is lost")
     await comes_up(world, copy)
     assert cards(world) == {1: copy.port}
     world.board.stop(1)
-    await world.until(lambda: latched(copy), 0.3, "it stands")
+    await world.until(lambda: latched(copy), 0.3, "the copy stands")
     await world.until(world.board.at_leisure.is_set, 0.1, "the stop does not wait for the other")
     assert one.driver.now is Action.FORWARD
     one.fault = "none"
-    await world.until(lambda: latched(one), 5.0, "it is stopped as soon as it answers")
+    await world.until(lambda: latched(one), 5.0, "the robot stops when it answers")
     await world.until_there([one])
     await world.clock.pause(1.0)
     assert cards(world) == {1: copy.port, 2: one.port}

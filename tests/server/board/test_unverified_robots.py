@@ -41,13 +41,13 @@ async def test_a_thousand_foreign_announcements_do_not_keep_the_robots_of_the_cl
         ours = world.board.robots.values()
         return len(ours) == OWN and all(one.status is Status.THERE for one in ours)
 
-    came_s = await world.until(all_there, 300.0, "all of the class are there")
+    came_s = await world.until(all_there, 300.0, "all robots of the class are there")
     assert host == "127.0.0.1" or came_s < 10.0, "strangers on one host delay no other host"
     assert {one.address.port for one in world.board.robots.values()} == set(world.pupils)
     await world.drive_all(pupils)
     announce(world, FOREIGN, host)
     world.board.stop()
-    took_s = await world.until(lambda: all(map(latched, pupils)), 5.0, "all stand")
+    took_s = await world.until(lambda: all(map(latched, pupils)), 5.0, "all robots stand")
     assert took_s < STOP_S
     told = world.board.strangers.describe()
     assert told["count"] == FOREIGN and 0 < len(told["some"]) < 100
@@ -76,7 +76,7 @@ async def test_a_robot_that_is_announced_before_it_serves_joins_without_a_new_an
     world.board.announce(RobotAddress("127.0.0.1", one.port))
     await world.clock.pause(5.0)
     one.fault = "none"
-    await world.until(lambda: world.board.robots, 5.0, "it has joined")
+    await world.until(lambda: world.board.robots, 5.0, "the robot has joined")
 
 
 def test_a_robot_is_queried_only_at_the_sender_of_its_announcement():

@@ -161,7 +161,7 @@ def test_stop_counts_at_once_while_the_connection_of_the_phone_before_is_closing
         camera.source._websocket.close = close
         with phone(robot.address) as again:
             again.socket.send('{"type": "stop"}')
-            robot.wait_until(lambda: robot.rig.loop.state.emergency, 0.1, "it stands")
+            robot.wait_until(lambda: robot.rig.loop.state.emergency, 0.1, "the robot stands")
 
 
 def test_a_client_that_sends_nonsense_is_disconnected(robot):

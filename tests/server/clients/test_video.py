@@ -217,7 +217,7 @@ async def test_clients_hear_of_a_stop_before_the_picture_of_its_moment_is_encode
     await world.clock.pause(0.5)
     world.loop.latch_emergency()
     world.camera.take()
-    await world.until(lambda: len(order) >= 2, what="both are sent")
+    await world.until(lambda: len(order) >= 2, what="both messages are sent")
     assert order[:2] == ["stop", "picture"]
 
 

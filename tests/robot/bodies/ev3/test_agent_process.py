@@ -149,7 +149,7 @@ def test_a_real_agent_drives_shows_pictures_and_withstands_a_flood(
             ):
                 line.sendall(wire.HEAD.pack(kind, len(body)) + body)
 
-        wait_until(lambda: gets_in(driver), "it is let in again")
+        wait_until(lambda: gets_in(driver), "the driver is admitted again")
         with driver:
             drive_on(driver, real_brick)
             before_kb = memory_kb(pid)

@@ -206,9 +206,9 @@ def the_robots_program_ends_and_the_pins_are_low(notes: Path, how: signal.Signal
     try:
         assert program.stdout is not None
         pid = int(program.stdout.readline())
-        wait_until(lambda: pins(notes)["GPIO17"] == 0.6, "it drives")
+        wait_until(lambda: pins(notes)["GPIO17"] == 0.6, "the motors run")
         os.kill(program.pid, how)
-        wait_until(lambda: not any(pins(notes).values()), "it stands")
+        wait_until(lambda: not any(pins(notes).values()), "the motors stop")
         if how is signal.SIGKILL:
             wait_until(lambda: _state(pid) == b"Z", "the keeper has ended, too")
     finally:
@@ -242,12 +242,12 @@ def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> N
 
             send_until(driver, Action.FORWARD, is_another)
             driver.stop()
-            wait_until(lambda: not any(pins(notes).values()), "it stands")
+            wait_until(lambda: not any(pins(notes).values()), "the motors stop")
             assert program_pid(driver) == program, "the driver still uses the same program"
         os.killpg(program, signal.SIGKILL)
         send_until(driver, Action.FORWARD, lambda: program_pid(driver) != program)
         last = keeper_pid(driver)
-    wait_until(lambda: _state(last) == b"Z", "nothing is left behind")
+    wait_until(lambda: _state(last) == b"Z", "no process is left")
 
 
 def test_a_keeper_that_ends_just_when_it_is_replaced_is_not_an_error() -> None:

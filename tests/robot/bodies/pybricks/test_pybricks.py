@@ -107,7 +107,7 @@ def moves_are_timed_by_the_hub(hub: FakeHub) -> None:
         wait_until(lambda: hub.light == "blue")
         assert not hub.is_moving
         send_until(driver, Action.FORWARD, lambda: hub.light == "green")
-        wait_until(lambda: hub.light == "red", "nobody talks to it")
+        wait_until(lambda: hub.light == "red", "the hub notices the silence")
         assert hub.told[-1][2] == 0, "the robot also brakes"
 
 
