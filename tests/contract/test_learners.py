@@ -138,7 +138,7 @@ def test_a_strange_view_is_novel_or_the_learner_says_that_it_cannot_tell(kind: s
     assert (strange.novelty >= 1.0) is policy.learner.abilities.novelty
 
 
-def test_after_the_last_image_is_deleted_it_proposes_nothing(kind: str) -> None:
+def test_after_the_last_image_is_deleted_the_policy_proposes_nothing(kind: str) -> None:
     policy = make(kind)
     teach(policy, 6)
     for image in images(policy):

@@ -73,7 +73,7 @@ def _slides_without_a_stop(phone: Any, world: World) -> bool:
     return turns and newer_counts and older_is_there
 
 
-def test_a_mouse_lets_go_though_its_other_button_is_down(desktop: Any, world: World) -> None:
+def test_a_mouse_lets_go_although_its_other_button_is_down(desktop: Any, world: World) -> None:
     choose(desktop, world, Mode.TRAIN)
     desktop.locator(pad("left")).hover()
     press_until(desktop, world, desktop.mouse.down, desktop.mouse.up, turning(world))
@@ -297,7 +297,7 @@ def test_modes_are_chosen_while_another_finger_holds(phone: Any, world: World) -
     fingers.lift()
 
 
-def test_a_finger_that_slides_off_the_pad_lets_go_though_another_tilts(
+def test_a_finger_that_slides_off_the_pad_lets_go_although_another_tilts(
     phone: Any, world: World
 ) -> None:
     tilt = """(isOn) => {
@@ -362,7 +362,7 @@ def test_arrows_move_between_modes_and_drive_nothing_and_space_keeps_the_focus(
     assert desktop.evaluate(focused) == "autonomous", "the focus does not move"
 
 
-def test_space_stops_a_robot_that_may_move_though_a_control_that_uses_it_has_the_focus(
+def test_space_stops_a_robot_that_may_move_even_if_the_focused_control_uses_space(
     desktop: Any, world: World
 ) -> None:
     """tests/web/keys.test.mjs tests in Node which key stops the robot in which control."""

@@ -82,7 +82,7 @@ def rig_of(driver: FakeDriver) -> Rig:
 
 
 @pytest.mark.parametrize("error", ODD, ids=lambda error: type(error).__name__)
-def test_a_robot_that_cannot_be_connected_is_one_sentence(
+def test_a_robot_that_cannot_be_connected_is_reported_in_one_sentence(
     error: Exception, caplog: pytest.LogCaptureFixture
 ) -> None:
     for call in ("connect", "disconnect"):

@@ -130,7 +130,7 @@ def test_no_hostile_query_or_body_makes_a_route_fail(robot):
 
 
 @pytest.mark.parametrize("kind", ["application/x-www-form-urlencoded", "text/plain"])
-def test_a_body_that_does_not_say_that_it_is_json_is_told_how_to(robot, kind):
+def test_a_request_that_does_not_declare_its_json_gets_advice(robot, kind):
     """Send the body like `curl -d`, as a form."""
     routes = [route for route in robot.routes if route.fields]
     answers = [robot.ask(route.method, route.at(), b"{}", kind) for route in routes]
@@ -140,7 +140,7 @@ def test_a_body_that_does_not_say_that_it_is_json_is_told_how_to(robot, kind):
     assert {sentence for sentence in told if "Content-Type" not in sentence} == set()
 
 
-def test_a_body_that_says_it_is_told_what_is_wrong_in_it(robot):
+def test_a_request_with_invalid_json_fields_is_told_what_is_wrong(robot):
     for value, wanted in (([1], "a JSON object"), ({"seconds": 99}, "'seconds' must be")):
         answer = robot.client.post("/api/teaching/undo", json=value)
         assert (answer.status_code, wanted in answer.json()["detail"]) == (400, True), answer.text

@@ -22,7 +22,7 @@ def test_a_name_given_at_the_start_is_kept(tmp_path):
 
 
 @pytest.mark.parametrize("kept", [b"", b"[]", b"\xff", b'{"name": "x", "colour": "amber"}'])
-def test_a_damaged_file_of_a_name_gives_a_new_name(tmp_path, kept):
+def test_a_damaged_name_file_gives_the_robot_a_new_name(tmp_path, kept):
     (tmp_path / "robot.json").write_bytes(kept)
     assert IdentityFile(tmp_path).now.name in NAMES
 

@@ -82,7 +82,7 @@ def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught):
     assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False, "kept": True}
 
 
-def test_a_changed_mind_is_undone_like_an_edit_if_the_learner_can_change_it(taught):
+def test_a_change_of_mind_is_undone_like_an_edit_if_the_learner_supports_it(taught):
     assert ask(taught, "POST", "/api/teaching/outdate").json() == {"outdated": 40, "kept": True}
     assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True, "kept": True}
     assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False, "kept": True}

@@ -220,7 +220,7 @@ def test_frames_are_small_jpegs_of_the_film_which_begins_again(tmp_path: Path) -
     assert camera.fault is None
 
 
-def test_a_webcam_that_cannot_be_opened_is_one_clear_line(tmp_path: Path) -> None:
+def test_a_webcam_that_cannot_be_opened_is_reported_in_one_line(tmp_path: Path) -> None:
     camera = OpencvCamera(OpencvOptions(source=str(tmp_path / "none.avi")), VirtualClock())
     with pytest.raises(CameraError, match=r"cannot open .*none.avi.*--source"):
         camera.start()

@@ -62,7 +62,7 @@ def test_other_ends_of_the_program_are_not_blamed_on_the_battery(
     assert EarlyEnds(tmp_path / "mark.json").count == 0
 
 
-def test_it_hears_each_tick_only_until_the_drive_has_lasted(tmp_path: Path) -> None:
+def test_ticks_are_noted_only_until_the_drive_has_lasted(tmp_path: Path) -> None:
     file, robot = tmp_path / "mark.json", BenchRobot()
     run(file, drives_s=0.2, ends_well=False)
     ends, heard = EarlyEnds(file), []

@@ -103,7 +103,7 @@ def test_an_untaught_robot_needs_teaching_before_it_may_try():
     assert (gap.kind, gap.have, gap.need) == (GapKind.TOO_SHORT, 0, TAUGHT_S)
 
 
-def test_it_may_be_tried_early_once_it_was_shown_each_move_often_and_knows_the_views():
+def test_a_robot_that_knows_the_views_and_was_shown_each_move_often_may_be_tried_early():
     assert early(24.0).stage is Stage.TRY
     for drive in (early(18.0), early(24.0, n_turns=EARLY_STARTS - 1), early(24.0, novelty=0.9)):
         assert drive.stage is Stage.TEACH
@@ -172,7 +172,7 @@ def test_a_pilot_who_never_turns_left_is_not_asked_for_left_turns_despite_slips(
 
 
 @crossed(rate_hz=[10, 15, 30], unknown_s=[0.0, 0.5, 1.0, 1.5])
-def test_it_is_ready_exactly_after_the_time_that_it_named_until_its_model_changes(
+def test_a_robot_is_ready_exactly_after_the_announced_time_until_its_model_changes(
     rate_hz, unknown_s
 ):
     drive = taught(rate_hz)
@@ -241,9 +241,7 @@ def test_a_robot_that_was_carried_to_another_place_shows_again_that_it_is_ready(
 
 
 @crossed(novelty=[HARDLY_KNOWN, 1.0, 2.0], share=[0.1, 0.3, 1.0])
-def test_views_that_it_hardly_knows_keep_it_from_ready_for_a_time_that_is_always_finite(
-    novelty, share
-):
+def test_hardly_known_views_delay_readiness_but_never_forever(novelty, share):
     drive = taught()
     for _ in range(100):
         drive.alone(1.0 - share)

@@ -238,7 +238,7 @@ def drive(
     camera=[(0.1, 0.145), (0.1, 0.095), (0.1, 0.12), (1 / 30, 0.005), (1 / 15, 0.05)],
     jitter_s=[0.0, 0.01, 0.03],
 )
-def test_with_an_ordinary_camera_it_drives_and_learns(camera, jitter_s):
+def test_with_an_ordinary_camera_the_robot_drives_and_learns(camera, jitter_s):
     result = drive(*camera, jitter_s=min(jitter_s, camera[1]))
     assert not result.stops
     assert result.moving() >= 0.99
@@ -263,7 +263,7 @@ def test_a_camera_that_is_slow_or_sends_in_bursts_drives_slowly(pause_s, burst, 
     assert result.ticks[-1].decision.speed_scale <= max(0.3 / pause_s, 0.05) + 0.02
 
 
-def test_with_pictures_300_ms_old_it_drives_more_slowly_and_with_600_ms_it_stands():
+def test_the_robot_drives_slowly_with_pictures_300_ms_old_and_stands_with_600_ms():
     result = drive(0.1, 0.3)
     assert result.moving() >= 0.95
     assert result.moving(1.0) < 0.1
@@ -287,7 +287,9 @@ def test_a_slow_link_of_the_same_age_is_not_taken_for_a_slow_phone():
 
 
 @crossed(age_s=[0.005, 0.095, 0.145, 0.3], period_s=[1 / 30, 0.1])
-def test_after_the_camera_freezes_it_stands_within_half_a_second_and_a_period(period_s, age_s):
+def test_after_the_camera_freezes_the_robot_stands_within_half_a_second_and_a_period(
+    period_s, age_s
+):
     robot = BenchRobot()
     clock, last_s = robot.clock, 0.0
     for i in range(100):

@@ -134,7 +134,7 @@ def test_a_start_that_was_in_transit_for_too_long_stops_the_robot(before, transi
 
 @MOVING
 @pytest.mark.parametrize("frame_age_s", [math.inf, 0.21, 3.0])
-def test_a_start_stands_for_at_most_half_a_second_until_a_fresh_picture_comes(mode, frame_age_s):
+def test_a_start_waits_at_most_half_a_second_for_a_fresh_picture(mode, frame_age_s):
     gate = started(mode)
     for now_s in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5):
         hold(gate, Action.FORWARD, now_s)

@@ -118,7 +118,7 @@ def test_an_example_that_is_passed_over_is_not_learned_later(online_learning, ca
     assert online_learning.agreement.share is None
 
 
-def test_it_remembers_only_the_newest_64_frames(online_learning, camera):
+def test_only_the_newest_64_frames_can_be_labelled(online_learning, camera):
     frames = [camera.show(scene) for scene in range(65)]
     for frame in frames:
         online_learning.look(frame)

@@ -81,7 +81,7 @@ START = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
 
 
 @crossed(counts=[True, False], seed=seeds(4, 10))
-def test_without_slip_the_estimate_is_the_truth(seed: int, counts: bool) -> None:
+def test_without_slip_the_estimate_equals_the_true_path(seed: int, counts: bool) -> None:
     chance = random.Random(seed)
     reckoning, truth = DeadReckoning(TRACK_M), START
     wheels_m = (chance.uniform(-9, 9), chance.uniform(-9, 9))  # counts may begin at any value

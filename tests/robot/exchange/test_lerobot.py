@@ -65,7 +65,7 @@ def test_an_export_has_the_published_layout(exported: Path) -> None:
     assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]
 
 
-def test_its_film_shows_the_pictures_frame_by_frame_and_its_statistics_are_true(
+def test_a_datasets_film_shows_the_pictures_frame_by_frame_and_its_statistics_are_true(
     episode: Episode, exported: Path
 ) -> None:
     with av.open(str(exported / FILM)) as film:
@@ -128,7 +128,7 @@ def labels_in(folder: Path, **reading: Any) -> Labels:
     return found
 
 
-def test_a_plain_export_has_only_what_was_taught_and_comes_back(
+def test_a_plain_export_has_only_taught_frames_and_can_be_imported(
     episode: Episode, tmp_path: Path
 ) -> None:
     """The dataset has the features that LeRobot records from the robot."""

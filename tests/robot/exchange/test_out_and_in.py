@@ -103,7 +103,7 @@ def test_labels_and_points_are_the_same_after_export_and_import(
 
 
 @crossed(declared=[STEERED, PLAIN, CURVED], form=["tub", "folder", "lerobot"])
-def test_a_bodys_own_moves_come_back_with_their_declarations(
+def test_a_bodys_own_moves_are_restored_with_their_declarations(
     tmp_path: Path, declared: tuple[Move, ...], form: str
 ) -> None:
     episode, labels = by_moves(tmp_path, declared)

@@ -35,7 +35,7 @@ def play(camera: ReplayCamera, count: int) -> list[Frame]:
     return frames
 
 
-def test_it_plays_the_recorded_bytes_at_their_pace_and_begins_again(tmp_path: Path) -> None:
+def test_the_camera_plays_the_recorded_bytes_at_their_pace_and_begins_again(tmp_path: Path) -> None:
     path = write_footage(tmp_path / "hall_A.npz", n_frames=3, period_s=0.05)
     frames = play(ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock()), 7)
     files = [shot.picture().data for shot in load_recording(path).shots]
@@ -57,7 +57,7 @@ def test_an_episode_plays_its_pictures_in_order_without_the_deleted_ones(tmp_pat
     assert played(3) == [episode.frame(i).data for i in ids[4:7]]
 
 
-def test_it_plays_a_folder_in_order_and_says_when_it_is_over(tmp_path: Path) -> None:
+def test_the_camera_plays_a_folder_in_order_and_says_when_it_is_over(tmp_path: Path) -> None:
     first = write_footage(tmp_path / "a.npz", n_frames=2, seed=1, period_s=0.01)
     second = write_footage(tmp_path / "b.npz", n_frames=2, seed=2, period_s=0.01)
     options = ReplayCameraOptions(recording=str(tmp_path), loop=False)

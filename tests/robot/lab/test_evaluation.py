@@ -90,11 +90,11 @@ def test_the_test_can_be_made_darker_and_the_lesson_stays(halls):
     ("frames", "in_a_row", "places"),
     [(1, False, [0]), (4, False, [0, 4, 7, 11]), (3, True, [0, 1, 2]), (99, True, [*range(12)])],
 )
-def test_few_examples_are_spread_over_the_drive_or_its_first(frames, in_a_row, places):
+def test_few_examples_are_spread_over_the_drive_or_are_its_first(frames, in_a_row, places):
     assert evaluation.FramesToLearn(frames, in_a_row).places(12).tolist() == places
 
 
-def test_angles_are_judged_where_the_drives_have_them(tmp_path):
+def test_angles_are_evaluated_if_the_drives_have_them(tmp_path):
     half, moves = np.full(45, 0.5, "f4"), np.arange(45) % 3
     steered = np.array([0.0, -1.0, 1.0], "f4")[moves]
     for seed, name in enumerate("AB"):
@@ -151,7 +151,7 @@ def pictures(n: int) -> list[tuple[np.ndarray, Action]]:
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", ["som-9", "som-1", "gng-9", "gng-2", "alvinn-4"])
-def test_it_learns_from_the_first_example_on_and_its_state_can_be_moved(name):
+def test_a_learner_learns_from_the_first_example_on_and_its_state_can_be_moved(name):
     for library in ("minisom", "minigng", "sklearn"):
         pytest.importorskip(library, reason="NOT TESTED: the extra rivals is not installed")
     policy, other = make_policy(name), make_policy(name)

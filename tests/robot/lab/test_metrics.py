@@ -60,7 +60,7 @@ def test_a_drive_and_its_end_last_as_long_as_their_ticks():
     assert metrics.covered_m2(there_and_back) == pytest.approx(metrics.covered_m2(log))
 
 
-def test_agreement_counts_ticks_with_both():
+def test_agreement_counts_ticks_with_a_move_of_pilot_and_robot():
     log = drive("is_touching", "....")
     both = zip(log, [L, F, F, None], [L, F, L, L], strict=True)
     log = DriveLog([replace(m, proposed=proposed, wanted=wanted) for m, proposed, wanted in both])

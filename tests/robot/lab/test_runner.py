@@ -165,7 +165,7 @@ def test_an_error_in_an_idea_ends_the_run_with_its_own_traceback(tmp_path, name,
     assert store.get(task) is None
 
 
-def test_a_process_that_is_killed_is_one_sentence(tmp_path):
+def test_a_killed_process_is_reported_in_one_sentence(tmp_path):
     with pytest.raises(ConfigurationError, match="a process that ran trials was killed"):
         run_all([Task(run_die, {})], Store(tmp_path), jobs=2)
 

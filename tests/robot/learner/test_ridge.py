@@ -51,7 +51,7 @@ def test_incremental_ridge_equals_batch_ridge(lessons):
     np.testing.assert_allclose(ridge.scores(xs[3]), np.append(xs[3], 1.0) @ expected, atol=CLOSE)
 
 
-def test_with_alike_weights_it_equals_batch_ridge_under_that_covariance(lessons):
+def test_with_symmetric_weights_the_ridge_equals_batch_ridge_with_that_covariance(lessons):
     xs, targets = lessons
     places = np.arange(SIZE)
     alike = 0.3 * np.eye(SIZE) + 0.7 * np.exp(-0.5 * (places[:, None] - places) ** 2)

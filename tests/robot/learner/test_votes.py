@@ -42,7 +42,7 @@ def test_a_wider_margin_moves_the_border_by_a_share_of_the_median():
     assert wide.score((border + 0.5 * 1.5) ** 2) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_learner_that_has_seen_little_calls_nothing_novel_and_forgets_what_is_long_ago():
+def test_novelty_is_zero_after_few_examples_and_forgets_old_distances():
     assert filled([1.0, 2.0, 3.0]).score(1e6) == 0.0
     novelty = filled([1.0 + 0.01 * (i % 10) for i in range(600)])
     assert novelty.score(9.0) > 1
@@ -235,7 +235,7 @@ LEARNERS = crossed(is_linear=[False, True], max_nodes=[8, 16, 32, 64])
 
 
 @LEARNERS
-def test_it_turns_right_at_the_same_walls_after_a_few_turns(max_nodes, is_linear):
+def test_the_robot_turns_right_at_the_same_walls_after_a_few_turns(max_nodes, is_linear):
     lessons = [*drive("left", 16, 1), *drive("right", 4, 2)]
     shares = [
         share_of(taught(lessons, max_nodes, is_linear=is_linear, forgets=forgets), "right")

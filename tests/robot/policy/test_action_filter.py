@@ -261,7 +261,9 @@ def test_no_votes_keep_the_robot_in_one_place_forever(rate_hz, is_free, seed):
 
 
 @crossed(rate_hz=[5, 10, 15, 30, 60], longest_s=[2.0, 4.0, 6.0])
-def test_a_turn_that_the_votes_would_never_end_ends_by_the_pilots_own_measure(rate_hz, longest_s):
+def test_a_turn_that_the_votes_would_never_end_ends_after_the_pilots_own_longest_turn(
+    rate_hz, longest_s
+):
     sent = Body(rate_hz, longest_lost_s=longest_s).run(40.0, voted(L, 0.8))
     first_straight_s = sent.index(F) / rate_hz
     assert longest_s * ALLOWANCE < first_straight_s < longest_s * ALLOWANCE * 2.1

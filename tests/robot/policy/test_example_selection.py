@@ -55,7 +55,7 @@ def test_any_camera_of_ten_frames_a_second_or_more_teaches_ten_a_second(rate_hz,
 
 
 @given(gaps_s=st.lists(st.floats(0.001, 0.5), min_size=2, max_size=80))
-def test_never_more_than_ten_a_second(gaps_s):
+def test_at_most_ten_examples_a_second_are_learned(gaps_s):
     times_s = times_of(gaps_s)
     assert len(learned(times_s)) <= 10.0 * times_s[-1] + 1.5
 
@@ -139,7 +139,7 @@ def test_after_a_pause_nothing_is_known_of_what_went_before(again):
 
 
 @pytest.mark.parametrize("cut", range(0, 60, 7))
-def test_a_selection_saved_in_the_middle_continues_alike(cut):
+def test_a_selection_that_is_saved_and_restored_continues_the_same(cut):
     """The pilot teaches 14 examples a second, so some of them come too soon."""
     drive = [(move, 0.07 * i) for i, move in enumerate([F] * 20 + [L] * 12 + [R] * 8 + [F] * 20)]
     for make in (lambda: MoveContext(KINDS), ExampleRate):
@@ -196,7 +196,7 @@ def test_laps_that_differ_are_all_learned():
     assert drive(make_policy("default-8"), *map(lap, range(5))).learner.n_seen_ == 5 * 40
 
 
-def test_a_contrary_label_is_learned_however_often_the_other_came():
+def test_a_contrary_label_is_learned_however_often_the_other_label_was_taught():
     policy, (x, label) = make_policy("default-8"), lap(0)[0]
     for n, (move, times) in enumerate([(label, 30), (L, 3), (R, 3), (L, 3)], 1):
         drive(policy, [(x, move)] * times)

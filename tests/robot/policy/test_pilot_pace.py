@@ -62,7 +62,7 @@ def test_a_proportional_curve_counts_only_partly_as_lost_time(steering, lost_s):
     assert pilot.pace.longest_lost_s == pytest.approx(lost_s, abs=0.3)
 
 
-def test_the_measure_has_bounds():
+def test_the_pilots_measure_has_bounds():
     assert PilotPace(KINDS).lost_limit_s == SHORTEST_LOST_S
     assert Pilot().drive(L, 60).pace.longest_lost_s == LONGEST_LOST_S
 
@@ -76,7 +76,7 @@ def test_one_push_counts_as_a_slip_and_three_as_intended():
     assert pilot.pace.patience_s == pytest.approx(3.0, abs=0.5)
 
 
-def test_corrections_with_pauses_between_them_are_manoeuvres_of_their_own():
+def test_corrections_with_pauses_between_them_are_separate_manoeuvres():
     pilot = Pilot()
     for _ in range(10):
         pilot.drive(L, 2.0)

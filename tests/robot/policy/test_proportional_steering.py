@@ -99,7 +99,7 @@ def test_the_moves_are_learned_bit_for_bit_as_without_proportional_steering(lear
         assert (one.confidence, one.novelty) == (two.confidence, two.novelty)
 
 
-def test_on_a_body_of_moves_a_curve_counts_as_the_turn_that_it_is_there():
+def test_on_a_body_without_proportional_steering_a_curve_counts_as_a_turn():
     policy, helpless = taught("default-8", 0, 90).policy, {}
     for takes_points in (True, False):
         policy.reset()

@@ -273,7 +273,7 @@ def test_a_recording_of_another_program_is_refused(path: Path) -> None:
     ],
     ids=lambda words: words[:20],
 )
-def test_texts_of_another_form_end_the_reading(path: Path, words: bytes) -> None:
+def test_invalid_texts_end_the_reading(path: Path, words: bytes) -> None:
     assert open_episode(crafted(path, OURS, ("/lesson", "json", "x"), [words])).damage
 
 

@@ -145,7 +145,7 @@ def test_another_learner_learns_the_same_examples_if_it_has_their_moves(tmp_path
         learn_again(make_policy("published-8", (Action.FORWARD, Action.LEFT)), [(episode, Notes())])
 
 
-def test_deleted_frames_are_not_learned_and_relabelled_ones_also_if_nobody_taught_them(
+def test_deleted_frames_are_not_learned_but_relabelled_ones_are_even_if_never_taught(
     tmp_path: Path,
 ) -> None:
     robot = RecordedBench(tmp_path)

@@ -61,7 +61,7 @@ def test_a_wall_pushes_the_body_out_and_presses_the_bumper_at_its_side(
     ("shape", "width_m", "heading_rad"),
     [("box", 0.2, 0.0), ("cylinder", 0.2, 0.0), ("box", 0.4, math.pi / 2)],
 )
-def test_sonar_and_body_meet_obstacles_where_they_stand(
+def test_sonar_and_body_meet_obstacles_at_their_positions(
     shape: str, width_m: float, heading_rad: float
 ) -> None:
     thing = Obstacle(
@@ -153,12 +153,12 @@ def test_a_push_beside_the_middle_turns_the_box() -> None:
     assert simulation.world.obstacles[0].heading_rad < world.obstacles[0].heading_rad - 0.03
 
 
-def test_a_thing_that_is_not_movable_stays() -> None:
+def test_an_object_that_is_not_movable_stays() -> None:
     world = load_world("office")
     assert placed(world, 1.3, 1.3, seconds=5.0).world is world
 
 
-def test_a_thing_on_its_path_goes_round_comes_back_and_waits_for_a_robot_in_its_way() -> None:
+def test_a_moving_object_follows_its_path_and_waits_for_a_robot_in_its_way() -> None:
     simulation = placed(load_world("follow"), 1.6, 1.6)
     (barrel,) = simulation.world.obstacles
     points = [*barrel.path, barrel.path[0]]

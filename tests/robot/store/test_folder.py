@@ -191,7 +191,7 @@ cased = st.builds(lambda name, upper: name.upper() if upper else name, awkward, 
 @example("aux .txt")
 @example("COM¹")
 @example("a. .")
-def test_a_name_that_is_taken_can_stand_on_every_disk(name):
+def test_an_accepted_name_is_valid_on_every_disk(name):
     try:
         tidy = check_name(name)
     except ConfigurationError:

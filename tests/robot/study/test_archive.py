@@ -53,7 +53,7 @@ def test_there_is_one_row_a_participant_and_phase_and_one_with_the_answers():
         assert float(row["nasa_tlx"]) == pytest.approx(sum(tlx) / 6, abs=1e-6)
 
 
-def test_a_session_counts_as_far_as_it_came_and_the_last_attempt_of_a_condition_counts():
+def test_an_unfinished_session_counts_and_the_last_attempt_of_a_condition_counts():
     def phases():
         rows = table({"P01": person.log})
         return [(r["phase"], r["attempt"], r["is_complete"]) for r in rows]

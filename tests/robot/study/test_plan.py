@@ -114,7 +114,7 @@ def test_any_other_value_in_any_field_is_taken_or_refused_with_a_sentence(data):
 
 
 @pytest.mark.parametrize("n", range(1, 9))
-def test_each_condition_stands_equally_often_at_each_place_and_after_each_other(n):
+def test_each_condition_is_equally_often_at_each_position_and_after_each_other_one(n):
     rows = williams_rows(n)
     assert all(sorted(row) == list(range(n)) for row in rows)
     places = Counter(place for row in rows for place in enumerate(row))

@@ -45,7 +45,7 @@ def test_a_session_can_be_resumed_from_any_line_of_its_log():
     assert sum(e.event == "answered" for e in person.events) == 2
 
 
-def test_a_log_cut_anywhere_loses_its_last_line_alone():
+def test_a_truncated_log_loses_only_its_last_line():
     person = Participant(small_plan())
     person.take_part()
     log, dice = person.log, random.Random(5)
@@ -107,7 +107,7 @@ _FORMULA = re.compile(r"[ '\"]*[=+\-@＝＋－＠]")
 @given(_TEXTS, _TEXTS)
 @example("=1+1", "@SUM(1)")
 @example("'=x", "yes;=1")
-def test_a_text_comes_back_as_it_was(name, value):
+def test_a_text_survives_a_round_trip(name, value):
     event = StudyEvent(wall_s=1.0, event="answer", name=name, value=value)
     assert read_events(write_events([event], with_head=True).encode()) == [event]
 

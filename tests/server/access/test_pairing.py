@@ -47,7 +47,7 @@ def invited(pairing: Pairing, before: str = "") -> str:
 
 
 @pytest.mark.parametrize("text", [*FORMS, *WRONG], ids=lambda text: ascii(text)[:40])
-def test_a_token_is_taken_in_every_form_that_a_person_has_in_hand_and_no_other(text):
+def test_a_token_is_accepted_in_every_form_in_which_people_have_it(text):
     pairing = Pairing(10)
     pairing.tokens[Role.PILOT] = TOKEN
     paired = pairing.redeem(text, 0.0)

@@ -274,7 +274,7 @@ def test_a_machine_without_an_address_or_zeroconf_starts_without_a_name(
         assert "the name r.local needs drivelesson[lan]" in caplog.text
 
 
-def test_addresses_of_six_are_announced_and_served():
+def test_ipv6_addresses_are_announced_and_served():
     pytest.importorskip("zeroconf")
     config = NetworkConfig(lan=True, host="fd99::1", port=8140)
     service = Announcement(config, "Ada")._service(lan_addresses(config))

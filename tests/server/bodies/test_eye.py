@@ -204,7 +204,7 @@ MS = st.floats(0.0, 1e9)
 
 
 @given(st.integers(0, 2**32 - 1), MS, st.booleans())
-def test_a_picture_comes_through(seq, taken_ms, is_covered):
+def test_a_picture_is_parsed(seq, taken_ms, is_covered):
     frame = parse_frame(encode_frame(seq, taken_ms, JPEG, is_covered=is_covered))
     assert (frame.seq, frame.taken_ms, frame.is_covered) == (seq, taken_ms, is_covered)
     assert (frame.picture.width, frame.picture.height, frame.picture.data) == (32, 24, JPEG)

@@ -118,7 +118,7 @@ def test_a_plug_in_cannot_declare_an_option_of_the_server(monkeypatch, name):
         serve.extend(parser, ["--robot", "sim", "--camera", "pictures"])
 
 
-def test_an_empty_folder_is_the_usual_one_and_not_where_one_stands(monkeypatch):
+def test_an_empty_folder_setting_means_the_default_and_not_the_current_folder(monkeypatch):
     for name in ("DATA", "CONFIG"):
         monkeypatch.setenv(f"DRIVELESSON_{name}", "")
     args = make_parser("serve").parse_args([])

@@ -12,7 +12,7 @@ from server.coaching.extension import CoachingExtension
 from server.coaching.progress import Mark, _Curve
 
 
-def test_a_curve_needs_few_bytes_a_mark():
+def test_each_mark_of_the_curve_needs_few_bytes():
     marks = [Mark(10 * n, 1 / n, 1e9 + n, "run" if n % 2 else None) for n in range(1, 1001)]
     tracemalloc.start()
     try:

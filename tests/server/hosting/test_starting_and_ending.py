@@ -16,7 +16,7 @@ from tests.kit.served import served
 
 
 @pytest.mark.realtime
-def test_it_names_what_is_still_starting_and_then_lets_the_server_answer():
+def test_the_starting_page_names_what_is_starting_and_then_lets_the_server_answer():
     def ask(request: bytes = b"GET / HTTP/1.1\r\n\r\n") -> bytes:
         with socket.create_connection(listener.getsockname()) as line:
             line.sendall(request)

@@ -142,7 +142,7 @@ def test_a_name_is_found_in_every_encoding_of_its_accents(episode_id, data, form
         ("play nobody", "no episode of the name"),
     ],
 )
-def test_what_cannot_be_done_is_one_clear_line(episode_id, words, complaint, say):
+def test_what_cannot_be_done_is_reported_in_one_line(episode_id, words, complaint, say):
     assert complaint in say(f"episodes {words}", status=2).splitlines()[-1]
 
 

@@ -38,7 +38,7 @@ def test_a_condition_can_be_begun_anew(server):
     assert len([m for m in standing(server)[1] if "P01" in m]) == 1
 
 
-def test_the_place_of_a_real_robot_is_confirmed_and_that_of_a_simulated_one_checked(server):
+def test_the_place_of_a_real_robot_is_confirmed_and_that_of_a_simulated_robot_checked(server):
     begin(server)
     said = refused(server, "/api/session/drive")
     assert "confirm that the robot is in the place 'kitchen'" in said

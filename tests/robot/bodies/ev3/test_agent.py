@@ -70,7 +70,7 @@ def driven_speeds(brick: FakeBrick) -> set[int]:
 # Joining ------------------------------------------------------------------------------------------
 
 
-def test_a_wrong_or_missing_secret_or_address_is_one_clear_line(
+def test_a_wrong_or_missing_secret_or_address_is_reported_in_one_line(
     agent: VirtualAgent, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     with pytest.raises(
@@ -290,7 +290,7 @@ def test_a_computer_that_paused_while_it_connected_still_opens_the_body(
 
 
 @pytest.mark.parametrize("part", ["tacho-motor", "lego-sensor"])
-def test_a_body_that_is_not_back_with_the_connection_is_reported_until_it_is(
+def test_a_body_that_is_missing_after_a_reconnection_is_reported_until_it_is_back(
     agent: VirtualAgent, brick: FakeBrick, part: str
 ) -> None:
     """A restarted brick finds its motors only some seconds after its network is up."""

@@ -37,7 +37,7 @@ SOURCES = agent_sources()
 VERMIN = (Path(sys.executable).with_name("vermin"), "--no-tips", "-t=3.5-")
 
 
-def test_its_syntax_and_libraries_are_those_of_python_3_5(tmp_path: Path) -> None:
+def test_the_agents_syntax_and_libraries_are_those_of_python_3_5(tmp_path: Path) -> None:
     done = run(*VERMIN, "--eval-annotations", *SOURCES.values())
     assert done.returncode == 0, done.stdout
     assert "Minimum required versions: " in done.stdout
@@ -46,7 +46,7 @@ def test_its_syntax_and_libraries_are_those_of_python_3_5(tmp_path: Path) -> Non
     assert run(*VERMIN, newer).returncode != 0, "vermin does not find newer syntax"
 
 
-def test_it_imports_only_the_standard_library_ev3dev2_and_itself() -> None:
+def test_the_agent_imports_only_the_standard_library_ev3dev2_and_itself() -> None:
     imported = set[str]()
     for file in SOURCES.values():
         for node in ast.walk(ast.parse(file.read_text())):

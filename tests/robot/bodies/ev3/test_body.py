@@ -52,7 +52,7 @@ def test_each_move_is_timed_by_the_motors_and_scaled(brick: FakeBrick) -> None:
         ({"touch_port": "in3"}, r"port in3.*--touch-port"),
     ],
 )
-def test_a_wrong_port_is_one_clear_line(
+def test_a_wrong_port_is_reported_in_one_line(
     brick: FakeBrick, options: dict[str, str], words: str
 ) -> None:
     brick.add_sensor("in1:i2c1", "lego-nxt-us", 42)
@@ -118,7 +118,7 @@ def test_another_programs_leftovers_are_undone_before_anything_moves(brick: Fake
         brick.wait_until(lambda: set(brick.speeds().values()) == {360}, 1)
 
 
-def test_a_motor_that_cannot_be_reset_is_one_clear_line(brick: FakeBrick) -> None:
+def test_a_motor_that_cannot_be_reset_is_reported_in_one_line(brick: FakeBrick) -> None:
     brick.motors["outC"].kept.add("polarity")
     with pytest.raises(
         DriveError, match="outC cannot be reset: another program changes its settings; end that"

@@ -183,7 +183,7 @@ def masked(text: str) -> str:
     return re.sub(r"\b[0-9a-f]{8}\b|[0-9]+(\.[0-9]+)*", "#", text)
 
 
-def test_a_sound_brick_is_reported_as_in_the_guide_and_a_busy_one_is_one_clear_line(
+def test_a_sound_brick_is_reported_as_in_the_guide_and_a_busy_one_is_reported_in_one_line(
     brick: FakeBrick,
     doctored: VirtualAgent,
     capsys: pytest.CaptureFixture[str],

@@ -169,7 +169,7 @@ def test_installing_is_safe_to_repeat(
     assert os.access(there / "start", os.X_OK)
 
 
-def test_an_unreachable_brick_is_one_clear_line(
+def test_an_unreachable_brick_is_reported_in_one_line(
     far_home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "tools/ssh").write_text("#!/bin/sh\necho 'ssh: No route to host' >&2\nexit 255\n")
@@ -207,7 +207,7 @@ def test_a_packed_server_is_installed_without_building_anything(
 
 
 @pytest.mark.parametrize("content", [b"no tar at all", None])
-def test_a_file_that_pack_did_not_make_is_one_clear_line(
+def test_a_file_that_pack_did_not_make_is_reported_in_one_line(
     far_home: Path, tmp_path: Path, content: bytes | None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "brick.tar"

@@ -175,7 +175,7 @@ def test_a_brick_is_taught_and_drives_by_itself_in_little_memory(
     it_is_taught_and_drives_in_36_mb(served, capsys)
     nothing_is_imported_that_the_loop_does_not_use(served)
     every_move_on_the_brick_was_timed(served)
-    no_motor_is_one_clear_line(served)
+    a_missing_motor_is_reported_in_one_line(served)
 
 
 def it_is_taught_and_drives_in_36_mb(served: Served, capsys: pytest.CaptureFixture[str]) -> None:
@@ -224,7 +224,7 @@ def every_move_on_the_brick_was_timed(served: Served) -> None:
     assert {(move.command, move.time_ms) for move in moves} == {("run-timed", 400)}
 
 
-def no_motor_is_one_clear_line(served: Served) -> None:
+def a_missing_motor_is_reported_in_one_line(served: Served) -> None:
     done = served.armel.run(*SERVE, "/nowhere", "--port", "0", "--data", "/tmp/data-2")
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1

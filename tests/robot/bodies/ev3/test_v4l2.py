@@ -24,7 +24,7 @@ from tests.robot.bodies.ev3.fake_video import DEVICE, FakeVideo
 
 
 @pytest.mark.realtime
-def test_it_reads_a_made_up_camera_and_keeps_the_contract_of_cameras(tmp_path: Path) -> None:
+def test_the_reader_of_linux_cameras_works_and_keeps_the_contract(tmp_path: Path) -> None:
     words = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k")
     own = Path(__file__).with_name("v4l2_with_a_camera.py")
     suite = ("v4l2 and not frozen", "tests/contract/test_cameras.py", own)

@@ -119,7 +119,7 @@ def moments(ridge):
 
 
 @pytest.mark.parametrize("steps", [1, 20])
-def test_its_sums_are_exact_whatever_is_learned_unlearned_and_relabelled(steps):
+def test_the_sums_are_exact_whatever_is_learned_unlearned_and_relabelled(steps):
     xs, targets = lessons(300)
     targets[:20] = LABELS[0]
     ridge = IntegerRidge(SIZE, steps=steps)
@@ -141,7 +141,7 @@ def test_its_sums_are_exact_whatever_is_learned_unlearned_and_relabelled(steps):
     assert (moments(ridge) == (1 << 24) * targets.T.astype(object).dot(z)).all()
 
 
-def test_comes_close_to_batch_ridge_with_few_steps_and_to_it_with_many():
+def test_few_steps_come_close_to_batch_ridge_and_many_steps_reach_it():
     xs, targets = lessons(400)
     z = np.hstack([xs // 4 / 63.0, np.ones((400, 1))])
     expected = z @ np.linalg.solve(z.T @ z + 3.0 * np.eye(SIZE + 1), z.T @ targets)

@@ -98,6 +98,6 @@ def test_what_a_camera_offers_is_described(monkeypatch: pytest.MonkeyPatch) -> N
         ({"encoding": "jpeg"}, f"the camera {DEVICE} does not support jpeg; it supports: YUYV$"),
     ],
 )
-def test_a_missing_camera_is_one_clear_line(wanted: dict[str, str], said: str) -> None:
+def test_a_missing_camera_is_reported_in_one_line(wanted: dict[str, str], said: str) -> None:
     with pytest.raises(CameraError, match=f"^Camera: {said}"):
         camera(**wanted).start()

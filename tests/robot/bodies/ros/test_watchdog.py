@@ -86,7 +86,7 @@ def velocity(x: float) -> dict[str, Any]:
     return {"linear": {**zero, "x": x}, "angular": zero}
 
 
-def test_while_another_node_drives_it_stands_and_says_so(robot: Robot) -> None:
+def test_while_another_node_drives_the_robot_stands_and_says_so(robot: Robot) -> None:
     robot.node.hear("/cmd_vel", velocity(0.2))
     assert not robot.is_disputed, "another node may drive while no order comes from here"
     robot.order(0.3)
@@ -128,7 +128,7 @@ def test_the_node_ends_with_a_stop(robot: Robot) -> None:
 
 
 @given(st.lists(st.tuples(st.floats(0, 0.4), st.floats(0, 1.5)), min_size=1, max_size=6))
-def test_however_orders_are_held_up_it_stands_half_a_second_after_the_last_was_written(
+def test_however_orders_are_held_up_the_robot_stands_half_a_second_after_the_last_one_was_written(
     orders: list[tuple[float, float]],
 ) -> None:
     """Each order is written some time after the previous one, and delayed by the given time."""

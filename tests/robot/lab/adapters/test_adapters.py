@@ -30,14 +30,14 @@ def for_river(**options: Any) -> Any:
 
 
 @pytest.mark.parametrize("options", [{}, {"max_nodes": 8, "penalty": 1.0}])
-def test_it_passes_each_check_of_scikit_learn(options):
+def test_the_adapter_passes_each_check_of_scikit_learn(options):
     from sklearn.utils.estimator_checks import check_estimator
 
     ran = check_estimator(for_sklearn(**options), on_skip=None)
     assert sum(check["status"] == "passed" for check in ran) > 50
 
 
-def test_it_passes_each_check_of_river():
+def test_the_adapter_passes_each_check_of_river():
     from river import checks
 
     model = for_river(max_nodes=8)

@@ -36,7 +36,7 @@ def test_a_move_is_known_by_its_effect_and_not_by_its_name():
             learners[1].teach(own[move])
 
 
-def test_it_equals_the_learner_of_the_control_loop():
+def test_the_driving_learner_equals_the_learner_of_the_control_loop():
     rng = np.random.default_rng(5)
     own = DrivingLearner(MOVES)
     policy = make_policy("default-32", tuple(Action(move) for move in MOVES))

@@ -57,7 +57,7 @@ def test_a_difference_lies_in_its_part_and_the_parts_add_up_to_it(features):
     assert features.cells(difference).sum() == pytest.approx((difference**2).sum())
 
 
-def test_it_drives_by_few_examples_in_another_light():
+def test_the_policy_drives_by_few_examples_in_another_light():
     """Views of three objects, from a few places; later from other places, and darker."""
     moves = (Action.FORWARD, Action.LEFT, Action.RIGHT)
     things = {move: room(seed)[:60, :60] for seed, move in enumerate(moves, 10)}
@@ -91,7 +91,7 @@ def photograph(seed: int) -> Pixels:
     return (120 + 30 * sum(layers)).clip(0, 255).astype(np.uint8)
 
 
-def test_its_outputs_are_standardised_and_equal_those_of_the_original_network():
+def test_the_outputs_are_standardised_and_equal_those_of_the_original_network():
     """When `SEEN` was recorded, a plain numpy version of each layer had these outputs to 0.002."""
     outputs = np.array([Network().run(photograph(seed)) for seed in range(5)])
     assert outputs.shape == (5, CHANNELS, ROWS, COLUMNS)

@@ -86,7 +86,7 @@ def test_a_turn_once_begun_goes_on_until_the_way_is_free_or_it_took_long():
     assert [teacher.choose(situation(wall_m=m, at_s=at_s)) for m, at_s in ways] == [L, L, F]
 
 
-def test_the_teacher_tolerates_moves_that_do_no_harm_but_no_long_stay():
+def test_the_teacher_tolerates_harmless_moves_but_no_long_stay():
     teacher = Wanderer((L, R), TeacherParams(turn_at_m=0.2, go_at_m=0.5, danger_m=0.06))
     assert teacher.tolerates(situation(wall_m=1.0), F)
     assert not teacher.tolerates(situation(wall_m=0.05), F)

@@ -95,7 +95,7 @@ def test_written_changes_survive_ten_kills_and_damage_and_undone_ones_do_not(tmp
 
 
 @crossed(learner=installed("default-6", "fair-knn-3"), seed=seeds(2, 4))
-def test_every_learner_comes_back_as_it_was(tmp_path, learner, seed):
+def test_every_learner_survives_a_round_trip(tmp_path, learner, seed):
     rng = random.Random(seed)
     expected = None
     for _ in range(5):
@@ -112,7 +112,7 @@ def test_every_learner_comes_back_as_it_was(tmp_path, learner, seed):
 
 
 @crossed(saves=[False, True], seed=seeds(2, 4))
-def test_a_body_with_moves_of_its_own_comes_back_as_it_was(tmp_path, seed, saves):
+def test_a_body_with_its_own_moves_survives_a_round_trip(tmp_path, seed, saves):
     rng = random.Random(seed)
     steered = {f"steer_{i}": rng.choice((-0.8, -0.2, 0.0, 0.2, 0.8)) for i in range(4)}
     own = tuple(Move(Action(n), steering=s, throttle=0.5) for n, s in steered.items())
@@ -139,7 +139,7 @@ def test_after_the_last_image_was_deleted_the_next_start_has_none(tmp_path, lear
 
 
 @pytest.mark.parametrize("seed", seeds(2, 5))
-def test_lives_too_short_for_the_journal_lose_nothing_that_was_saved(tmp_path, seed):
+def test_runs_too_short_for_the_journal_lose_nothing_that_was_saved(tmp_path, seed):
     """Each start is killed before its journal's thread has had a turn, after some saves."""
     rng = random.Random(seed)
     life = Life(tmp_path, [0.0], rng)

@@ -34,7 +34,7 @@ def some_model(learner: str = "published-8") -> Model:
 
 
 @pytest.mark.parametrize("learner", ["published-8", "default-8"])
-def test_a_model_comes_back_as_it_was_and_learns_on_just_the_same(learner):
+def test_a_model_survives_a_round_trip_and_learns_on_the_same(learner):
     model = some_model(learner)
     data = encode_model(model)
     back = decode_model(data)

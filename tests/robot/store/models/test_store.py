@@ -118,7 +118,7 @@ def test_a_name_that_leads_elsewhere_is_refused(store, tmp_path, name):
     assert everything(tmp_path) == before
 
 
-def test_a_full_disk_leaves_the_version_before_and_takes_no_new_name(store, monkeypatch):
+def test_a_full_disk_keeps_the_earlier_version_and_uses_no_new_name(store, monkeypatch):
     store.save("kitchen", some_model())
     own = store._storage.models / "made by a person"
     own.mkdir()
