@@ -1,4 +1,4 @@
-"""Joins the page's files as in a wheel, once for a run of tests."""
+"""Joins the page's files as in a wheel, once per run of tests."""
 
 import atexit
 import shutil

@@ -9,7 +9,7 @@ import pytest
 
 
 class Progress:
-    """Counts the tests of each file, and reports when the last of a file has ended."""
+    """Counts the tests of each file, and reports each file whose last test has ended."""
 
     def __init__(self, config: pytest.Config) -> None:
         self._config = config
@@ -19,8 +19,7 @@ class Progress:
         self._total = 0
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
-        """Count the tests that this process has collected; with workers, only the tests of the
-        workers count."""
+        """Count the tests that this process has collected, unless there are workers."""
         self._expect(item.nodeid for item in session.items)
 
     @pytest.hookimpl(optionalhook=True)
@@ -34,7 +33,7 @@ class Progress:
         self._total = self._left.total()
 
     def pytest_report_teststatus(self, report: pytest.TestReport) -> tuple[str, str, str] | None:
-        """Count an outcome; pytest prints no dot for it."""
+        """Count an outcome, for which pytest then prints no dot."""
         is_one = report.when == "call" or (report.when == "setup" and not report.passed)
         if report.when == "teardown" and report.passed:
             return None

@@ -35,7 +35,7 @@ def main(folders: list[str]) -> int:
 
 
 def start(folder: Path) -> dict[str, object]:
-    """Serve a robot of this file from a tree; return its commands, paths and sentences."""
+    """Serve a fake robot with a tree's server; return its commands, paths and sentences."""
     sys.path.insert(0, str(folder))
     import contextlib
     import io

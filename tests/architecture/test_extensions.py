@@ -1,7 +1,7 @@
 """Each extension can be removed without a trace, together with the extensions that need it.
 
-A server boots in memory from the tree without it, and the core does not contain the extension's
-words.
+A server boots in memory from a tree without the extension, and the core does not contain the
+extension's words.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ otherwise four groups, which take a quarter of the time."""
 
 
 def place(source: str, target: str) -> None:
-    """Link a file, or copy it if the folder is on another disk; linking is faster, and each tree
-    has a thousand files."""
+    """Link a file, or copy it if the folder is on another disk. Linking is faster, which matters,
+    because each tree has a thousand files."""
     try:
         os.link(source, target)
     except OSError:
@@ -64,7 +64,7 @@ def place(source: str, target: str) -> None:
 def copy_without(extensions: set[str], folder: Path, *names: str) -> None:
     """Copy the tree without extensions."""
     gone = packages_of(extensions)
-    # the links include compiled modules, which saves a second
+    # compiled modules are linked, too, which saves a second
     ignored = shutil.ignore_patterns("node_modules", "*.webp")
     for name in names:
         shutil.copytree(ROOT / name, folder / name, ignore=ignored, copy_function=place)
@@ -99,7 +99,7 @@ def copy_without(extensions: set[str], folder: Path, *names: str) -> None:
 def booted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
     """The core's content without each extension: `boot.py` starts all trees, one after another."""
     if not hasattr(os, "fork"):
-        pytest.skip("this system has no fork")
+        pytest.skip("this system cannot fork")
     folders = []
     for removed in REMOVALS:
         folders.append(folder := tmp_path_factory.mktemp("without"))

@@ -59,7 +59,7 @@ BREACHES = {
     "robot/store/folder.py": ("import pydantic",),
     "robot/simulator/driver.py": ("import robot.exchange.replay_driver",),
 }
-"""Imports that the contracts forbid: up or sideways, out of the learner, into an extension."""
+"""Forbidden imports: of a higher or the same layer, out of the learner, into an extension."""
 
 
 @pytest.mark.slow
@@ -87,7 +87,7 @@ LEAST_S = 5.0
 
 
 def hasty(source: str) -> Iterator[str]:
-    """Yield each comparison of a time measured on the machine's clock with less than 5 s."""
+    """Yield each comparison of a measured real time with a limit below 5 s."""
     for scope in ast.walk(ast.parse(source)):
         if not isinstance(scope, ast.FunctionDef | ast.AsyncFunctionDef):
             continue

@@ -34,7 +34,7 @@ Kill = Callable[[], None]
 class Cluster:
     """A scheduler on a separate port, and the added workers.
 
-    A worker has our code (good), our code with one constant changed (changed), or none of it
+    A worker has our code (good), our code with another constant (changed), or no code of ours
     (bare).
     """
 
@@ -110,18 +110,18 @@ def run_client(folder: Path, *words: str, after_first: Kill = lambda: None) -> l
 
 
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
-    "one of two is killed": ("equal", {"workers": ("good", "good"), "killed": "worker"}),
-    "one has other code": ("equal", {"workers": ("changed", "good")}),
-    "one and the scheduler lack it": ("equal", {"workers": ("bare", "good"), "scheduler": "bare"}),
-    "all have other code": ("drivelesson [0-9a-f]+ there, ", {"workers": ["changed"]}),
+    "one of two workers is killed": ("equal", {"workers": ("good", "good"), "killed": "worker"}),
+    "one worker has other code": ("equal", {"workers": ("changed", "good")}),
+    "one and its scheduler have none": ("equal", {"workers": ("bare", "good"), "scheduler": "bare"}),
+    "all workers have other code": ("drivelesson [0-9a-f]+ there, ", {"workers": ["changed"]}),
     "the scheduler is killed": ("the Dask scheduler at .* is lost", {"killed": "scheduler"}),
-    "there is none": ("no Dask scheduler answers at tcp://127.0.0.1:9", {"at": "tcp://127.0.0.1:9"}),
-    "an error cannot travel": ("NotPicklableError: odd", {"learner": "ideas.py:Odd"}),
+    "no scheduler": ("no Dask scheduler answers at tcp://127.0.0.1:9", {"at": "tcp://127.0.0.1:9"}),
+    "an error cannot be pickled": ("NotPicklableError: odd", {"learner": "ideas.py:Odd"}),
     "an idea ends its worker": (
         "its worker was lost each time", {"learner": "ideas.py:Deadly", "workers": ["nanny"]}
     ),
 }  # fmt: skip
-"""Return the last words of the client, or that its results are equal."""
+"""The expected last line of the client, or `equal` for the results of one process; and options."""
 
 
 @only_full

@@ -27,7 +27,7 @@ PATIENCE_S = 3600
 
 
 class Result(NamedTuple):
-    """One line of the table. The outcome is `passed`, `FAILED: why` or `not to be had: why`."""
+    """One line of the table; the outcome is `passed`, `FAILED: why` or `not to be had: why`."""
 
     peer: str
     version: str
@@ -58,14 +58,14 @@ def check_donkeycar(home: Path, samples: Samples) -> Iterator[Result]:
 
 
 def check_mcap_in_python(home: Path, samples: Samples) -> Iterator[Result]:
-    """Read a recording, with all checksums and Foxglove's messages."""
+    """Read a recording, check all checksums, and decode Foxglove's messages."""
     packages = ["mcap", "mcap-protobuf-support", "lz4", "zstandard"]
     python = _environment(home, packages, "mcap_protobuf")
     yield from _run(home.name, [python, HERE / "in_mcap.py", samples.recording])
 
 
 def check_mcap_in_javascript(home: Path, samples: Samples) -> Iterator[Result]:
-    """Read a recording by the JavaScript library of MCAP."""
+    """Read a recording with MCAP's JavaScript library."""
     npm = _program("npm", "node")
     home.mkdir(parents=True, exist_ok=True)
     shutil.copy(HERE / "in_mcap.mjs", home)
@@ -75,7 +75,7 @@ def check_mcap_in_javascript(home: Path, samples: Samples) -> Iterator[Result]:
 
 
 def check_ffprobe(home: Path, samples: Samples) -> Iterator[Result]:
-    """Probe a film and that of a dataset, and decode every frame."""
+    """Probe an exported film and a dataset's film, and decode every frame."""
     probe = shutil.which("ffprobe")
     if probe is None:  # Debian's package needs many libraries; this one needs none
         npm, package = _program("npm"), "@ffprobe-installer/linux-x64"
@@ -108,7 +108,7 @@ def check_promtool(home: Path, samples: Samples) -> Iterator[Result]:
 
 
 def check_lerobot_robot(home: Path, samples: Samples) -> Iterator[Result]:
-    """Record from and drive served robots by LeRobot's commands, with the package of the docs."""
+    """Record and drive served robots by LeRobot's commands, with the package of the docs."""
     lerobot = home.parent / "lerobot"
     lerobot.mkdir(exist_ok=True)
     python = _environment(lerobot, ["lerobot[dataset,training]"], "lerobot")
@@ -122,8 +122,7 @@ def check_lerobot_robot(home: Path, samples: Samples) -> Iterator[Result]:
 
 
 def check_fastdds(home: Path, samples: Samples) -> Iterator[Result]:
-    """Drive a ROS 2 robot's base by DDS, receive its pictures, and disturb it, with real
-    processes."""
+    """Drive a ROS 2 robot in another process over DDS, receive its pictures, and disturb it."""
     from . import on_dds
 
     program = home / "fastdds"
@@ -172,7 +171,7 @@ def _results(name: str, home: Path, samples: Samples) -> Iterator[Result]:
 
 
 def pythons() -> list[Path]:
-    """Return this machine's Pythons that the package supports, the newest first."""
+    """Return the Pythons of this machine that the package supports, the newest first."""
     found = {}
     names = [f"python3.{minor}" for minor in range(11, 20)]
     there = [shutil.which(name) for name in names]
@@ -186,7 +185,7 @@ def pythons() -> list[Path]:
 
 
 def _environment(home: Path, packages: list[str], module: str) -> Path:
-    """Install the newest of some packages, with the newest Python that one of them supports."""
+    """Install the newest versions of some packages, with the newest Python that has them."""
     why, newest = "no Python", dict[Path, tuple[int, ...]]()
     for python in pythons():
         try:
@@ -206,7 +205,7 @@ def _environment(home: Path, packages: list[str], module: str) -> Path:
 
 
 def _newest(home: Path, python: Path, package: str) -> tuple[int, ...]:
-    """Return the newest version of a package that the index has for a Python."""
+    """Return the newest version of a package that supports a Python."""
     report = home / "report.json"
     words = [_virtual(home, python), "-m", "pip", "install", "--quiet", "--dry-run", "--no-deps"]
     _get([*words, "--ignore-installed", "--report", report, package])

@@ -122,7 +122,7 @@ def _run(python: Path, *words: object) -> None:
 
 @contextmanager
 def _pilot(server: Served) -> Iterator[None]:
-    """Drive from a page without a screen."""
+    """Drive a robot with a pilot's client that has no screen."""
     ending = threading.Event()
     with Pilot(server.drive_url, sees=True) as pilot:
         pilot.wait_for_state_with(lambda state: state["frame"] is not None)

@@ -79,7 +79,7 @@ def orders(program: Path, *, stamped: bool) -> str:
     exact = [(twist["linear"]["x"], twist["angular"]["z"]) for twist in plain]
     driven = [pair for pair in speeds if any(pair)]
     n_equal = sum(a == b for a, b in zip(driven, exact, strict=False))
-    assert n_equal == len(driven) == N_ORDERS, f"{n_equal} of {N_ORDERS}, {len(driven)} came"
+    assert n_equal == len(driven) == N_ORDERS, f"{n_equal} orders are equal, {len(driven)} came"
     return f"{n_equal} of {N_ORDERS} orders exact"
 
 
@@ -94,7 +94,7 @@ def pictures(program: Path) -> str:
         assert writer.stdin is not None
         camera.listen(lambda: shown.append(camera.latest().data))
         while len(shown) < N_PICTURES:
-            assert len(sent) < 60 * N_PICTURES, "the body gives no pictures"
+            assert len(sent) < 60 * N_PICTURES, "the body sends no pictures"
             sent.append(jpeg + len(sent).to_bytes(4, "big"))
             picture = kinds[COMPRESSED](header, "jpeg", np.frombuffer(sent[-1], np.uint8))
             writer.stdin.write(bytes(ROS.serialize_cdr(picture, COMPRESSED)).hex() + "\n")

@@ -1,7 +1,7 @@
 """The drivers and cameras also fulfil the contract with real sockets, processes and libraries.
 
-These checks show only that the parts work. The suites in virtual time check all of the contract and
-the times of every body.
+These checks show only that the real parts work. The suites in virtual time check the whole contract
+and all times.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from robot.testing.cases import CameraCase, DriverCase
 from robot.testing.driver_contract import DriverContract
 
 _ASKED_AT_MOST = 20
-"""A body that sends nothing after its connection was cut."""
+"""A body that sends no more messages after its connection was cut."""
 Check = Callable[[DriverContract, DriverCase], None]
 WHOLE: tuple[Check, ...] = tuple(
     check for name, check in vars(DriverContract).items() if name.startswith("test_")
@@ -37,7 +37,7 @@ SHORT: tuple[Check, ...] = (
 
 
 def on_a_busy_machine(driver: Driver, is_moving: Callable[[], bool], **more: Any) -> DriverCase:
-    """Return a case over real sockets, without checks of its speed."""
+    """Return a case over real sockets, whose speed is not checked."""
     return DriverCase(driver, time.sleep, is_moving, budget_s=5.0, **more)
 
 

@@ -84,7 +84,7 @@ def ev3_remote_camera() -> Iterator[CameraCase]:
 def v4l2_camera() -> Iterator[CameraCase]:
     if "FAKE_VIDEO" not in os.environ:
         pytest.skip(
-            "tests/robot/bodies/ev3/test_v4l2.py runs it in a process that sees a made-up camera"
+            "tests/robot/bodies/ev3/test_v4l2.py tests it in a process with a simulated camera"
         )
     yield CameraCase(V4l2Camera(UsbCameraOptions(device=DEVICE), RealClock()))
 
@@ -126,8 +126,7 @@ def sending(clock: Clock, give: Callable[[int], None]) -> Iterator[threading.Eve
 
 @contextmanager
 def phone_camera() -> Iterator[CameraCase]:
-    """A phone whose pictures arrive on a thread, each with another grey value, as from its
-    socket."""
+    """A phone whose pictures, each with another grey value, arrive on a thread."""
     clock = VirtualClock()
     camera = PhoneCamera(PhoneOptions(), clock)
 
@@ -150,7 +149,7 @@ def picamera2_camera() -> Iterator[CameraCase]:
 
 @contextmanager
 def ros_camera() -> Iterator[CameraCase]:
-    """Pictures of a topic, over a bridge without a socket."""
+    """A camera with the pictures of a topic, over a bridge without a socket."""
     clock, listening = VirtualClock(), list[Any]()
 
     def open_topics(*_: Any, on_message: Any, **options: Any) -> Any:

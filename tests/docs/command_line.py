@@ -34,7 +34,7 @@ If a command fails, it prints one line on standard error that says what failed a
 
 
 def render() -> str:
-    """Return the whole page, only for this program, whatever other plugins are installed."""
+    """Return the whole page, without any third-party plugins that are installed."""
     own_drivers = patch("server.cli.serve.driver_names", lambda: own_plugins(DRIVERS))
     own_cameras = patch("server.cli.serve.camera_names", lambda: own_plugins(CAMERAS))
     with own_drivers, own_cameras:

@@ -64,7 +64,7 @@ def filled(
     """Return a question with its figures from the tables of a run.
 
     Raises:
-        KeyError: If the run has no such table, row or column: it says which.
+        KeyError: If the run lacks a table, row or column, which the error names.
     """
     cells = {
         (table.title, str(row[0]), column): format_cell(cell)

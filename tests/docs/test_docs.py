@@ -25,9 +25,9 @@ ROOT = Path(__file__).parents[2]
 WORDS = [Action.STOP, *CLASSIC, *Mode, *StopReason, *ErrorCode, *LinkLevel]
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("docs/**/*.md"))]
 LIVING = [page for page in PAGES if page.name != "CHANGELOG.md" and "lab" not in page.parts]
-"""Pages that use only current names, decisions included."""
+"""Pages that use only current names; these include the decisions."""
 CURRENT = [page for page in PAGES if page.name != "CHANGELOG.md" and "adr" not in page.parts]
-"""Pages about the current program; decisions and changes also describe earlier ones."""
+"""Pages about the current program; decisions and the changelog also describe earlier versions."""
 
 
 def test_make_docs_changes_nothing() -> None:
@@ -169,7 +169,7 @@ def _git(*words: str) -> str:
 
 
 @pytest.mark.skipif(
-    _git("rev-parse", "--is-shallow-repository") != "false", reason="no whole history here"
+    _git("rev-parse", "--is-shallow-repository") != "false", reason="the clone is shallow"
 )
 def test_every_figure_names_an_existing_commit_and_a_later_date() -> None:
     for run in {str(run): run for one in QUESTIONS.values() for run in one["runs"]}.values():

@@ -83,7 +83,7 @@ def test_names_limits_and_sizes_equal_those_of_the_code() -> None:
 
 
 def without_more(schema: Any) -> Any:
-    """Return the description without permission for fields that it does not name, also within."""
+    """Return the description with unnamed fields forbidden, at every depth."""
     if isinstance(schema, list):
         return [without_more(one) for one in schema]
     if not isinstance(schema, dict):

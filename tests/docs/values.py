@@ -1,6 +1,6 @@
 """Writes the program's own numbers into the documents: `make docs`.
 
-A page marks such a number, in two comments that no reader sees:
+A page marks such a number by two invisible comments:
 
     within <!--= gate.pilot_timeout_s -->0.3 s<!--/--> the robot stands
 

@@ -23,7 +23,7 @@ def faults(page: Any, measure: str = MEASURE, usual: tuple[str, ...] = ()) -> li
     Args:
         page: The page as it is now.
         measure: A function of the page, which returns a list.
-        usual: Parts of descriptions of faults that are not faults on this page.
+        usual: Parts of the descriptions of findings that are no faults on this page.
     """
     script = _WHEN_LAID_OUT.replace("MEASURE", measure)
     for _ in range(_LOOKS):
@@ -36,7 +36,7 @@ def faults(page: Any, measure: str = MEASURE, usual: tuple[str, ...] = ()) -> li
 
 
 def sized(page: Any, sizes: Iterable[tuple[tuple[int, int], int]]) -> Iterator[str]:
-    """Give the page one size and percentage of text after another; yield the name of each."""
+    """Give the page each size, with its text size in percent; yield the name of each size."""
     devtools = page.context.new_cdp_session(page)
     for (width, height), text in sizes:
         page.evaluate(f"document.documentElement.style.fontSize = '{text}%'")

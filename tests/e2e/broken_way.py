@@ -17,7 +17,7 @@ def _answer(status: str, body: bytes) -> bytes:
 class BrokenWay:
     """A path to a server on another port of this machine, which a `fault` can break.
 
-    - `silent`: it passes on nothing and closes nothing; when it is restored, everything that was
+    - `silent`: it forwards nothing and closes no connection; after it is restored, all that was
         sent arrives.
     - `websockets blocked`: it answers every websocket with 403.
     - `gateway`: it answers every request with 502, as if the server were gone.
@@ -85,7 +85,7 @@ class BrokenWay:
             return
         up_reader, up_writer = await asyncio.open_connection("127.0.0.1", self._upstream)
         async with self._open(up_writer):
-            # Each connection has one request, because the next one may have to be blocked.
+            # Each connection carries one request, because the next request may have to be blocked.
             lines = [
                 one for one in head.split(b"\r\n") if not one.lower().startswith(b"connection")
             ]

@@ -1,4 +1,4 @@
-"""A class on this machine: robots' real servers, and the real board in front of them."""
+"""A class on this machine: the real servers of robots, and a real board."""
 
 from __future__ import annotations
 
@@ -48,8 +48,7 @@ class LiveClass:
 def running_class(
     folder: Path, robots: int = 3, away: int = 0, *, simulated: bool = False, tls: int = 0
 ) -> Iterator[LiveClass]:
-    """Serve this number of robots and their board, whose list has `away` more robots that do not
-    answer.
+    """Serve this number of robots and a board, which also lists `away` robots that do not answer.
 
     The first `tls` robots are served over https.
     """

@@ -37,7 +37,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(pytest.mark.timeout(300))
 
 
-# With the scope of a session, Playwright's event loop would block all other tests.
+# Not for the session, because Playwright's event loop would block all other tests.
 @pytest.fixture(scope="package")
 def chromium() -> Iterator[Any]:
     with running_chromium() as browser:
@@ -46,7 +46,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def frame_rate_hz() -> float:
-    """Pictures per second; a file whose tests must first teach a lot overrides it with more."""
+    """Pictures per second; files whose tests must teach much use a higher rate."""
     return 5.0
 
 
@@ -78,7 +78,7 @@ def desktop(chromium: Any, world: World) -> Iterator[Any]:
 def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
     """One robot in the office for a whole file; each of its tests finds it stopped.
 
-    The robot has one page: a test that opens other pages uses a robot of its own (`world`).
+    Tests share the robot's page; a test that opens another page uses its own robot (`world`).
     """
     with running_world(tmp_path_factory.mktemp("rover"), world="office") as running:
         yield running

@@ -1,4 +1,4 @@
-"""A hand on the glass: fingers that hold, and the actions of a patient person."""
+"""A hand on the touch screen: fingers that hold, and the actions of a patient person."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ SET_HIDDEN = """(hidden) => {
   Object.defineProperty(document, 'hidden', { get: () => hidden, configurable: true });
   document.dispatchEvent(new Event('visibilitychange'));
 }"""
-"""A script that treats the page as a browser does when the person chooses another tab, or gets a
-call."""
+"""A script that hides the page, as a browser does when the person opens another tab."""
 Way = tuple[float, float]
 """Offset from a control's middle, to the right and upwards, in shares of its width and height."""
 MIDDLE: Way = (0.0, 0.0)
 _LET_GO = 25
-"""Number of checks in a row without a held move after which the page counts as having let go."""
+"""After this number of checks in a row without a held move, the page has let go."""
 
 
 class Fingers:
@@ -102,7 +101,7 @@ def pad(move: str) -> str:
 
 
 def stick(side: str = "left") -> str:
-    """Selector of a thumb stick; the right one is under the other thumb if there is space."""
+    """Selector of the left or right thumb stick; the right one needs space on the screen."""
     return f"drive-pad .stick.{side}"
 
 
@@ -185,7 +184,7 @@ def hold_until(
 
 
 def drive_on(page: Any, world: World, *, until: Callable[[], bool], within_s: float = 60.0) -> None:
-    """Have the robot drive itself, again after each stop, like a patient person."""
+    """Have the robot drive by itself, again after each stop, like a patient person."""
     deadline_s = time.monotonic() + within_s
     while not until():
         assert time.monotonic() < deadline_s, f"the condition does not hold within {within_s} s"

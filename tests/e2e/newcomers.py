@@ -2,11 +2,10 @@
 
 Each newcomer opens the page for the first time, follows its sentences, and drives by real touch
 events with the irregular hand of one of `robot/lab/simulated_pilots/habits.py`. While the robot
-drives, the newcomer first corrects it by habit. After reading when the page wants to be touched,
-the newcomer touches it only then. Each newcomer has another screen and language: five sizes and en,
-es, zh in turn. The
-requirement: within four minutes of opening the page the robot drives by itself for a minute without
-pushing a wall.
+drives, the newcomer first corrects it by habit; once the page has said when to touch it, only then.
+Each newcomer has another screen and language: five sizes, and en, es, zh in turn. The requirement:
+within four minutes of opening the page, the robot drives by itself for a minute without pushing a
+wall.
 
 Everything runs in real time: a newcomer takes two to four minutes. `--habits regular,late` chooses
 the newcomers with these habits.
@@ -35,8 +34,8 @@ LIMIT_S = 240.0
 SOON_S = 120.0
 ALONE_S = 60.0
 RATE_HZ = 10.0
-"""Pictures a second, as the camera of a real EV3 sends. Tests of the page use half of this rate,
-with which a robot learns half as much in the same time and reacts later."""
+"""Pictures a second, like the camera of a real EV3. Tests of the page use half of this rate, at
+which a robot learns half as much in the same time, and reacts later."""
 PUSHED_S = 0.5
 """A contact that lasts longer than this counts as pushing."""
 READ_EVERY_S = 0.4
@@ -80,7 +79,7 @@ class Story:
 class Lenient:
     """A teacher who has read when to correct: before a bump, or when the robot stands.
 
-    Before that, the teacher corrects everything that he would do differently.
+    Before that, the teacher corrects everything that it would do differently.
     """
 
     def __init__(self, teacher: Teacher) -> None:
@@ -97,7 +96,7 @@ class Lenient:
 
 
 class Newcomer:
-    """A newcomer who reads the page, taps as requested, and holds directions by his habit."""
+    """A newcomer who reads the page, taps as requested, and holds directions by a habit."""
 
     def __init__(self, page: Any, world: World, story: Story, opened_s: float) -> None:
         self.page, self.world, self.opened_s = page, world, opened_s
@@ -117,7 +116,7 @@ class Newcomer:
         return time.monotonic() - self.opened_s
 
     def live(self) -> Story:
-        """Teach and let it drive until the minute is complete, or the time is over."""
+        """Teach, and let the robot drive, until the minute is complete or the time is over."""
         while not self.story.is_done and self.now_s < LIMIT_S:
             self._go_on()
             self._watch()
@@ -142,7 +141,7 @@ class Newcomer:
             self._do_as_told(text)
 
     def _do_as_told(self, text: str) -> None:
-        """Follow the sentence, in any language."""
+        """Do what the page's sentence requests, in any language."""
         mode, told = self.world.mode, asked_by(text, self._words)
         if told == "lenient":
             self._judge.is_lenient = True

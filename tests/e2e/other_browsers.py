@@ -1,7 +1,7 @@
 """Firefox over WebDriver BiDi and WebKit over WebDriver, without a library in between.
 
 Firefox itself accepts connections; WebKit is Debian's `webkit2gtk-driver`, whose browser needs a
-display (`xvfb`). Both browsers accept the actions of the W3C's WebDriver, so both share one hand.
+display (`xvfb`). Both browsers accept W3C WebDriver actions, so tests press both in the same way.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ def _webkit() -> Iterator[OtherBrowser]:
 
 @contextlib.contextmanager
 def _display() -> Iterator[str]:
-    """Run an X server without a screen, which chooses its number itself."""
+    """Run an X server without a screen; the server chooses its own display number."""
     reading, writing = os.pipe()
     words = ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x1024x24", "-nolisten", "tcp"]
     process = subprocess.Popen(words, pass_fds=[writing], stderr=subprocess.DEVNULL)

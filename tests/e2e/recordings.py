@@ -20,7 +20,7 @@ FILMED = 70
 
 @functools.cache
 def film_a_good_pilot(frames: int) -> tuple[FrameEvent, ...]:
-    """Film a simulated robot whose pilot turns left before a wall: ten pictures a second."""
+    """Render ten pictures a second of a simulated robot whose pilot turns left before a wall."""
     simulation = Simulation(load_world("box"), seed=5)
     held, shots = FORWARD, []
     for i in range(frames):

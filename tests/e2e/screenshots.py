@@ -169,7 +169,7 @@ def _take_screens(page: Any, world: World, shoot: Shoot) -> None:
 
 
 def _take_away(browser: Any, world: World, folder: Path) -> None:
-    """The drive screen when the network ends while the robot drives."""
+    """The drive screen when the network fails while the robot drives."""
     for ending, context in _contexts(browser):
         proxy = BrokenWay(int(world.address.rsplit(":", 1)[1]))
         page = open_page(context, proxy.address)
@@ -222,7 +222,7 @@ def _take_class(browser: Any, folder: Path) -> None:
 
 
 def _hold_trial(browser: Any, world: World) -> None:
-    """Trial 1, fifteen times as fast as in reality."""
+    """Trial 1, at fifteen times the real speed."""
     conductor = conductor_of(world)
     conductor.pace = 15.0
     context = new_context(browser, PHONE)
@@ -289,7 +289,7 @@ def _take_study_screen(page: Any, shoot: Shoot, name: str) -> None:
 
 
 def _drive_phases(browser: Any, world: World, conductor: Conductor) -> None:
-    """Choose the mode of each phase, until the questions come."""
+    """Choose the mode of each phase, until the questions are shown."""
     context = new_context(browser, PHONE)
     page = open_page(context, world.address)
     while (session := conductor.session) is not None and (phase := session.phase) is not None:

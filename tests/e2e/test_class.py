@@ -1,4 +1,4 @@
-"""A teacher's hour on the board, with real servers: one of them over https."""
+"""A teacher's lesson with the board, with real servers, one of them over https."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ def test_a_screen_reader_reads_a_class_robot_by_robot_and_axe_finds_no_fault(
 
 
 def scanned(code: Any) -> str:
-    """Return the text that a phone reads off a code.
+    """Return the text of a QR code, as a phone reads it.
 
-    The code is found by its markers, because OpenCV's other reader misses one in 250 valid codes.
+    This reader finds a code by its markers; OpenCV's other reader misses one in 250 valid codes.
     """
     code.evaluate("(image) => image.decode()")
     shot = np.frombuffer(code.screenshot(), dtype=np.uint8)

@@ -93,14 +93,14 @@ MOVING = """() => [...document.querySelectorAll('*')].filter((e) =>
     const style = getComputedStyle(e, part || null);
     return style.animationName !== 'none' || style.transitionDuration !== '0s';
   })).length"""
-"""The number of elements that move although the person wants less motion."""
+"""The number of elements that move although reduced motion is requested."""
 
 
 def test_all_screens_are_small_load_only_from_the_robot_and_do_not_move(
     chromium: Any, rover: World
 ) -> None:
-    """The budget does not count pictures and answers, whose sizes depend on what was taught.
-    tests/web/test_bundle.py checks the budget of the first visit."""
+    """The limit excludes pictures and answers, whose sizes depend on what was taught.
+    tests/web/test_bundle.py checks the limit of the first visit."""
     context = new_context(chromium, PHONE)
     page = context.new_page()
     asked: list[str] = []
@@ -143,8 +143,8 @@ def test_all_screens_are_small_load_only_from_the_robot_and_do_not_move(
 
 
 def hears(page: Any, told: str) -> None:
-    """Check that a screen reader reads out these names, in this order and with these states; it may
-    read others in between."""
+    """Check that a screen reader reads out these names in this order, with these states; it may
+    also read out others between them."""
     from playwright.sync_api import expect
 
     expect(page.locator("body")).to_match_aria_snapshot(told, timeout=60_000)

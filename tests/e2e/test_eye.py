@@ -49,8 +49,7 @@ def write_film(path: Path) -> None:
 
 @contextlib.contextmanager
 def phone_with_film(film: Path) -> Iterator[Any]:
-    """Start a Chromium whose camera shows the film, and which gives pages the camera without
-    asking."""
+    """Start a Chromium whose camera shows the film, without asking for permission."""
     flags = (
         "--use-fake-ui-for-media-stream",
         "--use-fake-device-for-media-stream",

@@ -89,7 +89,7 @@ def test_the_drive_screen_holds_still(
 
 
 def _sizes(turn: int) -> list[tuple[tuple[int, int], int]]:
-    """Return screens with percentages of text, for one of the `PADS`."""
+    """Return screens with text sizes in percent, for one of the `PADS`."""
     if IS_WHOLE:
         return [(size, (100, 130, 160, 200)[(i + turn) % 4]) for i, size in enumerate(GRID)]
     every = [(size, 100 + 100 * (i % 2)) for i, size in enumerate(SIZES)]
@@ -97,7 +97,7 @@ def _sizes(turn: int) -> list[tuple[tuple[int, int], int]]:
 
 
 def unsaid(words: dict[str, str], said: set[str]) -> list[str]:
-    """List the messages of the drive screen that none of the states has shown."""
+    """List the messages of the drive screen that no state has shown."""
     missing = []
     for key, sentence in words.items():
         if not SAID.match(key) or key in ELSEWHERE:

@@ -26,8 +26,7 @@ def context(chromium: Any) -> Iterator[Any]:
 
 
 def first(context: Any, world: World, text: str) -> Any:
-    """Open the page, and return it when it shows its first sentence, before any of its own files
-    has arrived."""
+    """Open the page, and return it with its first sentence, before any of its files has arrived."""
     page = context.new_page()
     page.goto(world.address)
     page.locator("#first", has_text=text).wait_for()

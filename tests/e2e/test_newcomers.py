@@ -1,5 +1,6 @@
-"""The newcomers' script still fits the page. The drives themselves take minutes (python -m
-tests.e2e.newcomers)."""
+"""The newcomers' script still fits the page.
+
+The drives themselves take minutes (python -m tests.e2e.newcomers)."""
 
 import re
 

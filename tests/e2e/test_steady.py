@@ -1,6 +1,6 @@
 """A late answer of the robot moves no button that is already shown.
 
-If a button moved, a finger on its way to "Save" would tap on something that arrived above it.
+If a button moved, a finger that aims at "Save" would tap on something else.
 """
 
 from __future__ import annotations

@@ -34,8 +34,7 @@ def frame_rate_hz() -> float:
 
 
 WAITING, SLOW, FAST = 0.01, 2.0, 8.0
-"""How fast a phase's clock runs: until the robot was taught enough, while the robot drives, and
-otherwise."""
+"""Speeds of a phase's clock: until there are enough examples, while the robot drives, and else."""
 EXAMPLES = 10
 PLAN = """
 title = "Short or long teaching"
@@ -105,7 +104,7 @@ def test_a_study_from_the_plan_to_its_table(
     the_result_is_drawn(phone)
     phone.get_by_role("button", name="Next participant").click()
     phone.get_by_role("heading", name="Participants", exact=True).wait_for()
-    # the page was loaded again
+    # the page was reloaded
     phone.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
     it_fits_and_is_accessible(phone)
     assert httpx.get(f"{world.address}/api/models").json()["models"] == before["models"]

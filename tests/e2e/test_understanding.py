@@ -32,7 +32,7 @@ SHOWN = """async () => {
 
 
 def teach(page: Any, world: World, *moves: str, frames_each: int = 15) -> None:
-    """Hold one move after the other, so that the learner has images of each."""
+    """Hold each of the moves for a while, so that the learner has images of each move."""
     choose(page, world, Mode.TRAIN)
     fingers = Fingers(page)
     for move in moves:
@@ -50,8 +50,7 @@ def params_of(world: World) -> dict[str, Any]:
 
 
 def the_images_are_those_of_the_model_in_use(page: Any, world: World) -> None:
-    """The images of another model have the same numbers, and the browser caches images by their
-    address."""
+    """Images of another model have the same numbers, but the browser must not show cached ones."""
     show(page, "gallery")
     page.locator(".card").first.wait_for()
     shown = page.evaluate(SHOWN)

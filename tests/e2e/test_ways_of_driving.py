@@ -217,7 +217,7 @@ def test_a_stick_steers_as_far_as_it_is_pushed_and_the_picture_shows_it(
     hold((-0.5, 0.7), lambda: world.lessons > wanted and shown.count() >= 2)
     for way, action in {(0.3, 0.9): Action.RIGHT, (0.0, 0.9): Action.FORWARD}.items():
         hold(way, lambda w=way, a=action: near(world, w[0]) and world.action is a)
-    hold((1.5, 0.4), lambda: near(world, 1.0))  # a thumb beyond the edge holds the stick at its end
+    hold((1.5, 0.4), lambda: near(world, 1.0))  # beyond the edge, the stick stays at its end
     fingers.slide(stick(), at=(0.02, 0.0))
     wait_until(lambda: world.action is Action.STOP, "a resting thumb stops the robot")
     fingers.lift()

@@ -1,5 +1,4 @@
-"""The whole loop works on a phone: teach, see the agreement, let the robot drive, correct it, stop
-it."""
+"""On a phone, a person can teach the robot, let it drive, correct it and stop it."""
 
 from __future__ import annotations
 
@@ -31,11 +30,11 @@ BOTH = (Action.FORWARD, Action.LEFT)
 
 
 def learned(world: World) -> float:
-    """Return the share of the taught examples for which the robot now proposes the taught move. The
-    share is the mean over both moves, so a robot that always proposes the same move reaches a half.
+    """Return the share of taught examples for which the robot now proposes the taught move.
 
-    The agreement on the page varies with the path, because it is that of the newest examples, each
-    before it was learned.
+    It is the mean over both moves, so a robot that always proposes one move reaches a half.
+
+    The page's agreement varies more: it counts the newest examples, each before it was learned.
     """
     history = world.rig.loop.history
 

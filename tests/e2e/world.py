@@ -36,10 +36,9 @@ CHROMIUMS = (
     "/usr/bin/chromium",
     "/usr/bin/chromium-browser",
 )
-"""Paths of Chromium. The first program shows no windows, and uses a third less CPU time."""
+"""Paths of Chromium; the first program has no windows, and uses a third less CPU time."""
 PATIENCE_MS = 90_000
-"""Timeout for tests that name none; it is long, because a test must not judge the speed of a
-machine."""
+"""Default timeout; it is long, because a test must not judge the speed of a machine."""
 CHROMIUM_FLAGS = [
     "--no-sandbox",
     "--disable-gpu",
@@ -49,7 +48,7 @@ CHROMIUM_FLAGS = [
 
 
 class World:
-    """One running robot: its address, and its true state, independent of the page."""
+    """A running robot: its address, and its true state, independent of the page."""
 
     def __init__(self, address: str, services: Services) -> None:
         self.address, self.services, self.rig = address, services, services.robot
@@ -109,8 +108,8 @@ virtual time checks how soon the robot stops (tests/faults), independent of the 
 def running_world(folder: Path, config: Config | None = None, **options: Any) -> Iterator[World]:
     """Serve a simulated robot on a free port of this machine inside the block.
 
-    The robot sends five pictures a second unless the options say otherwise, because each picture
-    costs server and browser more than all else that these tests do.
+    By default the robot sends five pictures a second, because pictures are what costs these tests
+    most time, in server and browser.
     """
     config = config or Config(port=0, data=folder, web=joined_page())
     options = {"frame_rate_hz": 5.0, **options}
@@ -124,8 +123,8 @@ def running_world(folder: Path, config: Config | None = None, **options: Any) ->
 
 @contextlib.contextmanager
 def passing_world(name: str) -> Iterator[World]:
-    """Serve a simulated robot for the docs' pictures, with the rate of a real camera. Nothing of
-    the robot stays after the block."""
+    """Serve a simulated robot for the docs' pictures, with a real camera's rate, and delete its
+    data after the block."""
     with (
         tempfile.TemporaryDirectory() as kept,
         running_world(Path(kept), world=name, frame_rate_hz=10.0) as world,
@@ -141,7 +140,7 @@ def find_chromium() -> str:
 
 
 _PLAYWRIGHTS: list[Any] = []
-"""Playwright, if it already runs in this process, because a process can run it only once."""
+"""The running Playwright, if any, because a process can run only one."""
 
 
 @contextlib.contextmanager
@@ -174,7 +173,7 @@ def running_chromium(*flags: str) -> Iterator[Any]:
 
 
 def new_context(browser: Any, viewport: dict[str, int], **options: Any) -> Any:
-    """Return a fresh profile: a phone's, or a computer's with a mouse.
+    """Return a fresh browser profile, of a phone or of a computer with a mouse.
 
     The profile has no service worker, which would fetch the whole page a second time; the service
     worker has tests of its own.
@@ -185,7 +184,7 @@ def new_context(browser: Any, viewport: dict[str, int], **options: Any) -> Any:
 
 
 def remember(**preferences: Any) -> str:
-    """Return a script that makes the page find these preferences of the person before it."""
+    """Return a script that stores these preferences before the page reads them."""
     kept = json.dumps(json.dumps(preferences))
     return f"localStorage.setItem('drivelesson.preferences', {kept})"
 
@@ -219,7 +218,7 @@ def release_stop(page: Any, world: World) -> None:
 
 
 def come_to_rest(page: Any, world: World) -> None:
-    """Have the robot stand, with no emergency, and with no pending request of its page."""
+    """Stop the robot, without an emergency stop or a pending request of its page."""
     world.rig.loop.set_mode(Mode.STOPPED).result(60)
     if page.url.startswith(world.address):
         release_stop(page, world)
@@ -228,8 +227,7 @@ def come_to_rest(page: Any, world: World) -> None:
 
 
 def begin_anew(page: Any, world: World, viewport: dict[str, int]) -> None:
-    """Have the robot stand, with no emergency, and the page show it, as if both had just
-    started."""
+    """Stop the robot, and wait until the page shows that, as if both had just started."""
     is_open = page.url.startswith(world.address)
     was_stopped = world.rig.loop.state.emergency
     come_to_rest(page, world)
@@ -282,7 +280,7 @@ def show(page: Any, screen: str) -> None:
 
 
 def settle(page: Any) -> None:
-    """Wait until the screen requests and adds nothing any more."""
+    """Wait until the screen sends no more requests and adds no more elements."""
     page.evaluate(_SETTLED, [100, 5000])
 
 

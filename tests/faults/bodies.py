@@ -1,5 +1,4 @@
-"""Measures how each body reacts when its server is gone, in virtual time, for the last columns of
-the table of faults.
+"""Measures in virtual time how each body reacts when its server is gone, for the page of faults.
 
 Only the body itself can still act, because nothing sends it orders any more. Other tests kill and
 freeze real processes: the server, the keeper of a Raspberry Pi's pins, and the sample firmware.
@@ -52,10 +51,10 @@ _MEMORY = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
 class TimedBody:
     """A body and its driver, which use the same clock.
 
-    `hang_up` does what the system does with the line when the server's process is gone; `lose` ends
-    all traffic in both directions, except for messages in transit, and `regain` restores it;
-    `freeze` delays what the driver does on its own threads; `slow_down` makes each message take a
-    given time. `wheels` returns the speeds of the left and the right wheel, in any unit.
+    `hang_up` closes the line like the system after the server's process has ended. `lose` ends all
+    traffic in both directions, except for messages in transit, and `regain` restores it. `freeze`
+    delays the driver's own threads. `slow_down` makes each message take a given time. `wheels`
+    returns the speeds of the left and the right wheel, in any unit.
     """
 
     driver: Driver
@@ -98,7 +97,7 @@ def _program(
 
 @contextmanager
 def _ev3_stock(seed: int) -> Iterator[TimedBody]:
-    """A brick with LEGO's firmware: the stand-in's bytecode interpreter, without its sockets."""
+    """A brick with LEGO's firmware, which is the bytecode interpreter of the stand-in."""
     clock, chance = VirtualClock(), random.Random(seed)
 
     def ask(message: bytes) -> bytes:
@@ -133,7 +132,7 @@ def _gpio(seed: int) -> Iterator[TimedBody]:
 
 @contextmanager
 def brick_in_memory(clock: Clock | None) -> Iterator[FakeBrick]:
-    """A brick made of files, whose kernel ends the moves of `run-timed`."""
+    """A brick made of files, which ends the moves of `run-timed` like the kernel."""
     with (
         tempfile.TemporaryDirectory(dir=_MEMORY) as folder,
         FakeBrick(Path(folder, "brick"), clock=clock) as brick,
@@ -240,7 +239,7 @@ BODIES: dict[str, tuple[Callable[[int], AbstractContextManager[TimedBody]], str]
 def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = False) -> float:
     """Drive a body, cause one fault at a random moment, and return the time until the body stood.
 
-    A body without proportional steering drives the moves that the points count as.
+    A body without proportional steering drives the moves that correspond to the points.
 
     Raises:
         AssertionError: If the body never moved before the fault, or moves again after it stood.

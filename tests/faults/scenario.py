@@ -15,7 +15,7 @@ from server.clients.freshness import NonceLedger
 from tests.server.virtual import Pilot, ServedWorld, Socket
 
 _PICTURE = bytes(5000)
-"""The size of a JPEG of 160x120; its content does not matter."""
+"""As many bytes as a JPEG of 160x120; the content does not matter."""
 POINTS = {"forward": Point(0.15, 0.4), "left": Point(-0.6, 0.45)}
 """The steering and throttle of each move, for the pilot and for the learner."""
 _WATCHED_S = 0.15
@@ -75,7 +75,7 @@ class FaultWorld(ServedWorld):
         return self.driver.now == move and self.driver.point == point
 
     async def settle(self, seed: int) -> None:
-        """Start the drive anew, without faults, with the random numbers of `seed`."""
+        """Restart the drive, without faults, with the random numbers of `seed`."""
         self.dice.seed(seed)
         self.camera.rate_hz = self.dice.uniform(10.0, 30.0)
         self.camera.age_s = self.dice.uniform(0.0, 0.04)
@@ -85,8 +85,7 @@ class FaultWorld(ServedWorld):
         self.page = await self.pilot(sees=True)
 
     async def drive(self, mode: str) -> None:
-        """Have the robot drive: by its pilot in training, by its pilot in autonomous mode, or by
-        itself."""
+        """Have the robot drive by itself, or by its pilot in training or autonomous mode."""
         await self.until(lambda: self.hub.lease.owner == self.page.hello["client"])
         self.page.mode("train" if mode == "train" else "autonomous")
         if mode != "autonomous":
@@ -122,7 +121,7 @@ class FaultWorld(ServedWorld):
         return Outcome(stood_after_s=took_s, reason=reason)
 
     async def live_through_many(self, plan: Plan) -> None:
-        """Drive while faults begin one after the other, and end one after the other.
+        """Drive while several faults begin and end, one after the other.
 
         Raises:
             AssertionError: If the robot does not stand in time after the last fault began, or moves
@@ -182,8 +181,7 @@ class Fault:
     counts_from: Condition | None = None
     """The condition from which on the robot must stand; None means from the fault's beginning."""
     counts_from_last_message: bool = False
-    """Some messages may arrive in time by chance; the robot must stand this long after the last
-    one."""
+    """The time counts from the last message, because some messages may still arrive in time."""
     note: str = ""
 
     @property
@@ -193,7 +191,7 @@ class Fault:
 
 
 def outcomes(fault: Fault, mode: str, seeds: range, *, proportional: bool = False) -> list[Outcome]:
-    """Cause one fault once for each seed."""
+    """Cause the fault once for each seed."""
 
     async def drives(world: FaultWorld) -> list[Outcome]:
         return [await world.live_through(fault, mode, seed) for seed in seeds]

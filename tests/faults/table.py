@@ -1,4 +1,4 @@
-"""The table of faults, and how soon the robot must stand after each."""
+"""The table of faults, with the time in which the robot must stop after each fault."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from .scenario import Change, Fault, FaultWorld
 
 MODES = ("train", "intervention", "autonomous")
 LIMIT_S = 0.5
-"""Longest time in which the robot stands, in every mode, in seconds."""
+"""Maximum time until the robot stands, in every mode, in seconds."""
 SEEDS = size("SEEDS", 6, 1_000)
 """Number of drives in each cell of the table (1,000 with DRIVELESSON_FULL=1)."""
 
 
 def _set(part: str, **values: object) -> Change:
-    """Return a fault that changes some attributes of a part of the world."""
+    """Return a fault that changes attributes of one part of the world."""
 
     def change(world: FaultWorld) -> None:
         for name, value in values.items():

@@ -1,4 +1,4 @@
-"""Each body stands half a second after it lost its server, whatever messages are in transit."""
+"""Each body stops within half a second after it lost its server, with any messages in transit."""
 
 from __future__ import annotations
 

@@ -60,14 +60,13 @@ def test_the_robot_stops_in_time_at_any_combination_of_faults(first: int) -> Non
 
 DRIVE_S = float(size("DRIVE", 60, 600))
 WIFI = LinkConditions(delay_s=0.004, jitter_s=0.03, stall_share=0.01, stall_s=0.06)
-"""A delay of some milliseconds each way, other traffic, and one packet in a hundred sent again."""
+"""A delay of some milliseconds each way, other traffic, and one packet in a hundred lost."""
 LONGEST_PAUSE_S = 0.2
-"""A phone scans for networks or saves power: nothing passes for a while, then everything at
-once."""
+"""The phone scans for networks or saves power: messages wait for a while, and arrive together."""
 GONE = ("the tab is closed", "the browser is killed", "the page hangs, or its tab is suspended",
         "the network falls silent")  # fmt: skip
 ENDS = size("ENDS", 2, 10)
-"""Number of drives of each kind at whose end the pilot disappears."""
+"""Number of drives of each kind; at the end of each drive, the pilot disappears."""
 
 
 async def on_wifi(world: FaultWorld, rate_hz: float, age_s: float, seed: int) -> None:

@@ -1,5 +1,4 @@
-"""Faults that need a server in a separate process. server/test_damaged_folder.py tests a full
-disk."""
+"""Faults that need a server in a separate process."""
 
 from __future__ import annotations
 

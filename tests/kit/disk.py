@@ -1,5 +1,4 @@
-"""A simulated disk below one folder: it can fail or fill up, and a test can inspect it before each
-call."""
+"""A simulated disk below one folder, which can fail, fill up, or be inspected before each call."""
 
 from __future__ import annotations
 
@@ -48,7 +47,7 @@ class Disk:
             raise OSError(self._why, os.strerror(self._why), os.fspath(path))
 
     def install(self, put: Callable[[Any, str, Any], None]) -> None:
-        """Intercept the program's calls on its folder, as long as `put` lasts."""
+        """Intercept the program's calls on its folder, as long as the patches by `put` last."""
 
         def counted(module: Any, name: str, writes: Callable[..., bool] = lambda *_: True) -> None:
             real = getattr(module, name)

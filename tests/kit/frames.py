@@ -20,7 +20,7 @@ def make_frame(
     frame_id: int = 1,
     captured_s: float = 0.0,
 ) -> Frame:
-    """Return a frame, by default of the size of the cameras; the bytes need not be a picture."""
+    """Return a frame, by default of the cameras' size; the bytes need not be a picture."""
     return Frame(
         frame_id=frame_id,
         captured_s=captured_s,
@@ -36,7 +36,7 @@ def jpeg_frame(frame_id: int, captured_s: float, data: bytes, width: int = 160) 
 
 
 def frame_of(pixels: NDArray[Any], frame_id: int = 1, captured_s: float = 0.0) -> Frame:
-    """Return a frame of colours, shape (height, width, 3), or of grey values, (height, width)."""
+    """Return a frame of an RGB or grey picture, shape (height, width, 3) or (height, width)."""
     rgb = pixels.astype(np.uint8)
     if rgb.ndim == 2:
         rgb = np.repeat(rgb[:, :, None], 3, axis=2)

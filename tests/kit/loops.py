@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 async def stop_accepting(server: Any) -> None:
-    """Wait until every accepted connection belongs to the server, so that it can be closed.
+    """Wait until the server knows every accepted connection, so that it can close them all.
 
     asyncio of Python 3.11 loses a connection if `Server.close()` comes between its acceptance and
     the loop's next turn. The garbage collector closes the lost connection later, and warns in

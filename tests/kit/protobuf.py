@@ -1,4 +1,4 @@
-"""Reads messages of protobuf by the schema in their own file, as a viewer does."""
+"""Reads protobuf messages by the schema in their own file, like a viewer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, un
 
 
 def read_protobuf(name: str, schema: bytes, data: bytes) -> Any:
-    """Return a message; an error if it has a field that is missing in its schema."""
+    """Return a message; fail if it has a field that its schema lacks."""
     pool = descriptor_pool.DescriptorPool()
     for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
         pool.Add(file)

@@ -7,6 +7,6 @@ from typing import Any
 
 
 def run(*words: object, **options: Any) -> subprocess.CompletedProcess[str]:
-    """Run a program to its end, and return its status and what it printed, as text."""
+    """Run a program to its end; return its status and its output, as text."""
     given = {"capture_output": True, "text": True, "check": False, **options}
     return subprocess.run([str(word) for word in words], **given)

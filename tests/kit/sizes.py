@@ -32,7 +32,7 @@ def seeds(small: int, full: int) -> range:
 
 
 def examples(full: int) -> int:
-    """Return the number of examples that hypothesis makes: a fifth, or `full` at full size."""
+    """Return the number of hypothesis examples: a fifth of `full`, or `full` at full size."""
     return full if IS_FULL else max(5, full // 5)
 
 

@@ -1,7 +1,8 @@
-"""Puts faults into the safety-critical modules, and reports whether tests notice: `make mutate`.
+"""Injects faults into safety-critical modules, and reports those that no test notices.
 
-Each mutant runs in a forked copy of a process that has imported the libraries but nothing of this
-project. Prints each survivor, and the score of each module: the share of noticed mutants.
+`make mutate` runs this. Each mutant runs in a forked copy of a process that has imported only
+third-party libraries. The output lists each survivor, and each module's score: the share of noticed
+mutants.
 """
 
 from __future__ import annotations
@@ -60,8 +61,7 @@ _PATIENCE, _PATIENCE_S = 3, 120
 """Limits at which a mutant counts as hanging, and so as noticed: a multiple of the tests' CPU time
 without a fault, and the seconds of one test."""
 _UNUSED = 99
-"""Exit status of a run in which no test imported the mutant, so that the run says nothing about the
-tests."""
+"""Exit status of a run in which no test imported the mutant; such a run proves nothing."""
 
 
 def main() -> int:

@@ -1,7 +1,7 @@
-"""Small faults in a module's source, one at a time. Pure.
+"""Makes mutants: copies of a module's source with one small fault.
 
-A mutant changes one place: a comparison, a number, a sign, a logical operator, or a returned value,
-or it leaves one call out. If the tests still pass, they do not test that place.
+A mutant changes a comparison, a number, a sign, a logical operator or a returned value, or omits a
+call. If the tests still pass, they do not test that place.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Mutant:
 def mutants(source: str) -> Iterator[Mutant]:
     """Yield every mutant of a module."""
     tree = ast.parse(source)
-    # The type checker checks how a class may be made and used (frozen, slots).
+    # The type checker already checks the arguments of decorators (frozen, slots).
     declared = {
         part
         for node in ast.walk(tree)

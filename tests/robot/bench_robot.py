@@ -1,4 +1,4 @@
-"""A robot on the test bench: its camera shows given pictures, and its body notes its orders.
+"""A robot on the test bench: its camera shows given pictures, and its body records orders.
 
 Camera and body are real implementations of the interfaces; only the world is missing.
 """
@@ -111,7 +111,7 @@ class BenchRobot:
     def hold(self, action: Action | None, frame_id: int | None = None, **more: Any) -> None:
         """Send the held move, for `frame_id` or else for the newest frame.
 
-        `more` are other fields of the command.
+        `more` has other fields of the command.
         """
         frame = self.camera.latest()
         seen = frame_id if frame_id is not None else frame.frame_id if frame else None
@@ -136,7 +136,7 @@ class BenchRobot:
         seconds: float = 0.05,
         point: Point | None = None,
     ) -> Tick:
-        """Let time pass: a new picture comes, the pilot holds a move, the loop ticks."""
+        """Let time pass: a new picture arrives, the pilot holds a move, and the loop ticks."""
         self.clock.sleep(seconds)
         self.camera.show(scene)
         self.tick()
@@ -145,7 +145,7 @@ class BenchRobot:
 
 
 def started(mode: Mode = Mode.TRAIN, config: LoopConfig | None = None) -> BenchRobot:
-    """Return a robot in this mode that was taught one example."""
+    """Return a robot that is in this mode and was taught one example."""
     robot = BenchRobot(config=config)
     robot.start(Mode.TRAIN)
     robot.step(1, Action.FORWARD)

@@ -1,5 +1,4 @@
-"""Corrections of bodies and cameras for each way to mount a camera, to wire motors, and to pull to
-one side."""
+"""Corrections for each mounting of a camera, each wiring of motors, and for unequal motors."""
 
 from __future__ import annotations
 
@@ -38,7 +37,7 @@ RNG = np.random.default_rng(1)
 
 
 def hung(pixels: np.ndarray, mounting: CameraCorrection) -> np.ndarray:
-    """Return the picture of a camera with a turned sensor and perhaps a mirror before it."""
+    """Return the picture of a camera that is turned, and perhaps looks into a mirror."""
     seen = pixels[:, ::-1] if mounting.is_mirrored else pixels
     return np.ascontiguousarray(np.rot90(seen, mounting.turn_deg // 90))
 
@@ -74,7 +73,7 @@ def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting):
 
 @crossed(mounting=WAYS[1:], encoding=list(Encoding), sides=[(7, 6), (1, 1), (6, 5), (0, 0)])
 def test_a_damaged_picture_is_passed_on_unturned(mounting, encoding, sides):
-    """The reader of a damaged picture reports the damage, and the camera's thread goes on."""
+    """The reader of a damaged picture reports the damage; the camera's thread must continue."""
     width, height = sides
     for data in (b"", b"no picture", b"\xff\xd8\xff" + bytes(40)):
         taken = make_frame(data, encoding, width, height)
@@ -127,7 +126,7 @@ def test_each_of_the_eight_ways_to_wire_two_motors_has_one_correction():
 
 @pytest.mark.parametrize("motor_board", ["two-pwm", "phase-enable"])
 def test_motors_can_be_reversed_while_the_board_is_connected(motor_board):
-    """The mock pins of gpiozero; another process takes them meanwhile."""
+    """The keeper runs in this process, with gpiozero's mock pins."""
     pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
     from tests.standins.gpio import MockPins
 
@@ -155,7 +154,7 @@ def test_a_car_is_trimmed_by_its_servo():
 
 @crossed(throttle=[0.5, -0.5], weaker=[0, 1])
 def test_a_body_that_pulls_to_one_side_drives_straight_with_a_trim(weaker, throttle):
-    """One motor is a tenth slower: ahead and backward, the same trim helps."""
+    """One motor is a tenth slower; the same trim helps ahead and backward."""
 
     def heading_after(trim):
         pose, correction = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0), BodyCorrection(trim=trim)

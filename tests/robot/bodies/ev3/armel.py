@@ -1,7 +1,7 @@
 """A brick's Debian under emulation: `qemu-arm -cpu arm926` in a chroot, with counters.
 
-The root is kept in var/armel-RELEASE, so that only the first run builds it. Needs root, qemu-user,
-mmdebstrap and a C compiler; if one is missing, the tests that use it are skipped with a message.
+The root file system stays in var/armel-RELEASE, so only the first run builds it. It needs
+root, qemu-user, mmdebstrap and a C compiler; if one is missing, its tests are skipped.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Armel:
 
     def __init__(self) -> None:
         if not os.environ.get("DRIVELESSON_BRICK"):
-            pytest.skip("the emulated brick is started by: make test-brick")
+            pytest.skip("only `make test-brick` starts the emulated brick")
         for tool in ("mmdebstrap", "qemu-arm", "cc", "unshare"):
             if shutil.which(tool) is None:
                 _skip(f"{tool} is not installed")

@@ -98,7 +98,7 @@ def test_a_wrong_or_missing_secret_or_address_is_reported_in_one_line(
 @pytest.mark.parametrize("address", ["ev3dev.local:x", "ev3dev.local:99999", ":8765"])
 def test_an_invalid_address_is_refused_before_anything_is_sent(address: str) -> None:
     with pytest.raises(ConfigurationError, match="--brick"):
-        join(address, "a secret", dial=lambda _: pytest.fail("it was dialled"))
+        join(address, "a secret", dial=lambda _: pytest.fail("the driver connected"))
 
 
 def test_an_impostor_that_accepts_everybody_is_found_out(
@@ -135,7 +135,7 @@ def test_a_caller_that_does_not_authenticate_in_time_is_disconnected(
     line.settimeout(5)
     began_s = brick.clock.now_s()
     for byte in wire.pack_json({"do": "join", "nonce": "a" * 32, "proof": "b"})[:8]:
-        line.sendall(bytes([byte]))  # single bytes do not keep it open
+        line.sendall(bytes([byte]))  # a slow caller may not stay
         brick.clock.sleep(0.1)
     while line.recv(1024):
         pass
@@ -236,8 +236,7 @@ def test_a_command_that_was_held_up_is_not_carried_out(
 def test_a_message_that_the_controller_did_not_send_ends_its_connection_and_stops_the_robot(
     driver: Ev3RemoteDriver, agent: VirtualAgent, brick: FakeBrick, idea: str
 ) -> None:
-    """A relay between agent and driver drops, repeats and changes messages; test_wire.py has
-    further tests."""
+    """Messages between agent and driver are lost, repeated or changed; see also test_wire.py."""
     driver.send_action(Action.FORWARD)
     brick.wait_until(brick.is_moving)
     order = sealed_run(driver)

@@ -1,4 +1,4 @@
-"""The content of the agent's archive, and the effect of floods on the agent in a separate process.
+"""The content of the agent's archive, and floods of an agent in a separate process.
 
 test_agent.py tests the agent in virtual time. ev3dev's stock image has Python 3.5 and ev3dev2.
 """
@@ -100,7 +100,7 @@ def n_sockets(pid: int) -> int:
     """Count only sockets, because the files of motors and sensors are open only for moments."""
     count = 0
     for link in Path(f"/proc/{pid}/fd").iterdir():
-        with suppress(OSError):  # closed meanwhile
+        with suppress(OSError):  # the file was closed meanwhile
             count += str(link.readlink()).startswith("socket:")
     return count
 

@@ -104,7 +104,7 @@ def test_a_brick_is_calibrated_by_driving(
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     assert main(words) == 2
     assert "run it in a terminal" in capsys.readouterr().err
-    # 0.6 s at 20 cm/s by the old settings; the ruler shows a tenth more, and a third less turning.
+    # The old settings give 0.6 s at 20 cm/s; the robot drives a tenth more, and turns a third less.
     monkeypatch.setattr("sys.stdin", io.StringIO("\nabout so\n13,2\n\n7.4\n"))
     assert main([*words, "--straight-s", "0.6", "--turn-s", "0.6"]) == 0
     said = capsys.readouterr().out

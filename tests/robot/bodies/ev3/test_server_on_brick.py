@@ -45,8 +45,7 @@ UNUSED = (
 
 
 def install_film(folder: Path) -> None:
-    """Put a camera and its film, a view that moves along a wall, into the Python path of the
-    brick."""
+    """Put a camera and its film of a moving wall into the brick's Python path."""
     shutil.rmtree(folder, ignore_errors=True)
     metadata = folder / "film-1.dist-info"
     metadata.mkdir(parents=True)
@@ -171,7 +170,7 @@ def keep_at_it(
 def test_a_brick_is_taught_and_drives_by_itself_in_little_memory(
     served: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One server is used for the whole test, because the emulator takes a minute to start."""
+    """The whole test uses one server, because the emulator takes a minute to start."""
     it_is_taught_and_drives_in_36_mb(served, capsys)
     nothing_is_imported_that_the_loop_does_not_use(served)
     every_move_on_the_brick_was_timed(served)
@@ -206,7 +205,7 @@ def it_is_taught_and_drives_in_36_mb(served: Served, capsys: pytest.CaptureFixtu
         print(f"\nmemory at 32 nodes: {memory['resident']:.1f} MB resident (guest pages)")
         for name, count in said.items():
             unit = "" if "until" in name else " a cycle"
-            print(f"million instructions, {name}: {count:.1f}{unit}")
+            print(f"million instructions for {name}: {count:.1f}{unit}")
     assert memory["resident"] <= MOST_MEMORY_MB[served.armel.release]
 
 

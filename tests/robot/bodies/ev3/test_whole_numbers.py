@@ -1,4 +1,4 @@
-"""The brick's features and regression in whole numbers equal plain computations in floats.
+"""The brick's integer features and regression equal plain computations with floats.
 
 tests/robot/learner/test_properties.py tests the regression inside a learner.
 """
@@ -72,7 +72,7 @@ def test_every_encoding_and_size_gives_a_vector():
 
 
 def test_black_beside_white_in_every_direction_is_in_the_table():
-    """A picture with the largest possible differences, whose sums would overflow first."""
+    """A picture with the largest differences, whose sums would be the first to overflow."""
     for across in (-1, 0, 1):
         for down in (-1, 0, 1):
             rows, columns = np.mgrid[0:120, 0:160]

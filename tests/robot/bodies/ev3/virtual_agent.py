@@ -193,7 +193,7 @@ class VirtualAgent:
             near.is_mute = near.is_deaf = True
 
     def mend(self) -> None:
-        """Allow new connections; cut connections stay cut, because TCP waits longer and longer."""
+        """Allow new connections; cut connections stay cut, because TCP retries too seldom."""
         self._is_cut = False
 
     def deafen(self, is_deaf: bool = True) -> None:
@@ -256,8 +256,8 @@ class VirtualAgent:
 
 
 def close_motor(driver: Ev3Driver, side: int) -> None:
-    """Pull out a motor's cable: open files outlive their folder here, but on a brick the next write
-    fails with ENODEV."""
+    """Pull out a motor's cable: here, open files outlive their folder, but on a brick, the next
+    write fails with ENODEV."""
     for file in driver._connection.motors._ports[side]._files.values():
         file.close()
 

@@ -1,6 +1,6 @@
-"""Motors on pins: the logic of moves in virtual time, and the process that holds the pins.
+"""Motors on pins: the logic of moves in virtual time, and the keeper's process with mock pins.
 
-That process has gpiozero's mock pins; the robot stops, no matter which process dies.
+The robot stops, no matter which process dies.
 """
 
 from __future__ import annotations
@@ -270,7 +270,7 @@ line.recv_bytes()
 
 
 def test_the_driver_does_not_wait_for_a_starting_keeper(tmp_path: Path) -> None:
-    """The next keeper starts slowly, and meanwhile the driver's thread must send a STOP."""
+    """The next keeper starts slowly; meanwhile, the driver's thread must be able to send a STOP."""
     started = tmp_path / "started"
     line = KeeperLine([sys.executable, "-c", STARTS_ONCE, str(started)], VirtualClock())
     try:

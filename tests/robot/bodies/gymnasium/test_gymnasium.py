@@ -283,7 +283,7 @@ def test_a_slow_computer_neither_stops_the_robot_nor_misses_a_step() -> None:
 def test_a_slow_environment_does_not_stop_the_robot(
     takes_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In an earlier version, a step of 0.7 s counted as age of the pilot's picture, so the robot
+    """In an earlier version, a step of 0.7 s increased the age of the pilot's picture, so the robot
     stood in 185 of 234 samples."""
     clock = VirtualClock(100.0)
     body = driver(env_options="width=2001")
