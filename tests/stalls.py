@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 RUNS_S, STANDS_S = (0.5, 10.0), (2.0, 3.5)
-"""Robots in the tests of the page are patient for 4 s (tests/e2e/world.py)."""
+"""Pauses are shorter than 4 s, the timeout of robots in the page's tests (tests/e2e/world.py)."""
 
 
 def find_running(root: int) -> list[int]:

@@ -21,8 +21,7 @@ MOST = 37
 """The largest number of marked tests outside tests/e2e, which rises only for a new real part. The
 last ones were LeRobot's robot with a served simulator, and a robot on DDS."""
 BROWSERS = "e2e/"
-"""The tests in this folder run Chromium throughout: they are marked automatically, and not
-counted."""
+"""The tests in this folder run Chromium, so they get the mark automatically, and do not count."""
 _OURS = ("robot", "server", "tests")
 _ALL_SOCKETS = (socket.AF_INET, socket.AF_INET6)
 
@@ -32,7 +31,7 @@ class TouchedTheWallClockError(AssertionError):
 
 
 def is_exempt(file: str, name: str) -> bool:
-    """True for a test that may use the wall clock without a mark.
+    """True if a test may use the wall clock without a mark.
 
     Args:
         file: The test's path below tests/, as in `robot/test_errors.py`.
@@ -47,12 +46,12 @@ def is_exempt(file: str, name: str) -> bool:
 
 
 def is_marked(item: pytest.Item) -> bool:
-    """True for a test that may use the wall clock."""
+    """True if a collected test may use the wall clock."""
     return item.get_closest_marker("realtime") is not None
 
 
 def hold_to_the_limit(session: pytest.Session, items: list[pytest.Item]) -> None:
-    """End the run if too many tests are marked by hand.
+    """End the run if too many tests have the mark `realtime`.
 
     A worker's `shouldfail` is printed; another error would show only the traceback of a broken run.
     """

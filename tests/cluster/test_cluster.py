@@ -112,7 +112,7 @@ def run_client(folder: Path, *words: str, after_first: Kill = lambda: None) -> l
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "one of two workers is killed": ("equal", {"workers": ("good", "good"), "killed": "worker"}),
     "one worker has other code": ("equal", {"workers": ("changed", "good")}),
-    "one and its scheduler have none": ("equal", {"workers": ("bare", "good"), "scheduler": "bare"}),
+    "one and the scheduler are bare": ("equal", {"workers": ("bare", "good"), "scheduler": "bare"}),
     "all workers have other code": ("drivelesson [0-9a-f]+ there, ", {"workers": ["changed"]}),
     "the scheduler is killed": ("the Dask scheduler at .* is lost", {"killed": "scheduler"}),
     "no scheduler": ("no Dask scheduler answers at tcp://127.0.0.1:9", {"at": "tcp://127.0.0.1:9"}),

@@ -1,4 +1,4 @@
-"""Small generated recordings in the format of real ones."""
+"""Small generated recordings in the format of real recordings."""
 
 from __future__ import annotations
 

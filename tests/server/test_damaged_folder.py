@@ -323,7 +323,7 @@ def test_files_of_other_programs_are_neither_moved_listed_nor_deleted(tmp_path, 
 
 
 def pull(root: Path) -> Path:
-    """Leave an empty folder at the path of the data folder, as below a mount point."""
+    """Leave an empty folder at the path of the data folder, like an empty mount point."""
     away = root.with_name("away")
     root.rename(away)
     root.mkdir()
@@ -331,7 +331,7 @@ def pull(root: Path) -> Path:
 
 
 def plug_in(root: Path, away: Path) -> None:
-    root.rmdir()  # fails if anything was written there
+    root.rmdir()  # this fails if anything was written there
     away.rename(root)
 
 

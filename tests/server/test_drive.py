@@ -58,7 +58,7 @@ def test_a_viewer_sees_pictures_but_its_orders_are_refused(server):
 
 
 def test_when_the_pilot_leaves_the_other_client_gets_the_wheel_and_the_robot_stands(server, points):
-    """A pilot may connect again before the lost connection is closed."""
+    """A pilot may reconnect before the lost connection is closed."""
     with server.pilot() as lost, server.pilot() as back:
         lost.mode("train")
         lost.hold("forward", points.get("forward"))
@@ -71,8 +71,7 @@ def test_when_the_pilot_leaves_the_other_client_gets_the_wheel_and_the_robot_sta
 
 
 def test_the_last_of_several_connections_of_a_page_gets_the_wheel(server):
-    """After a silence of the network, a page has opened several connections, which close in any
-    order."""
+    """After a network failure, a page has several connections, which may close in any order."""
     with server.pilot() as first, server.pilot() as second, server.pilot() as last:
         first.wait_for_state(you_are_pilot=True)
         first.vanish()
@@ -178,8 +177,7 @@ def test_vanished_pages_leave_nothing_behind(server):
 
 @in_virtual_time()
 async def test_a_client_that_keeps_reconnecting_does_not_increase_the_rate_of_states(world):
-    """In an earlier version, a pupil with eight pages caused five hundred states a second for all
-    clients."""
+    """In an earlier version, a pupil with eight pages caused 500 states a second for everybody."""
     pilot, pupil = await world.pilot(), await world.pilot()
     before = len(pilot.messages)
     for _ in range(50):

@@ -44,7 +44,7 @@ WHOLE = ("[" * 2000, "x" * 5000, '{"type":"ping","client_ms":1e999}', "\x00", "{
 
 
 def nonsense(dice: random.Random) -> str | bytes:
-    """Return bytes, or letters of all planes, which no protocol expects."""
+    """Return random bytes, or random Unicode text, which no protocol expects."""
     some = dice.randbytes(dice.randrange(41))
     return dice.choice((some, some.decode("utf-16", "ignore"), dice.choice(WHOLE)))
 
@@ -115,7 +115,7 @@ def send_large_and_malformed_models(server: Served) -> list[int]:
 
 @contextlib.contextmanager
 def sockets(server: Served, path: str) -> Iterator[list[ClientConnection]]:
-    """Open six connections; one is read no faster than a page needs."""
+    """Open six connections, because the server reads each one no faster than a page needs."""
     address = f"ws://127.0.0.1:{server.port}{path}"
     with contextlib.ExitStack() as stack:
         yield [stack.enter_context(connect(address, compression=None)) for _ in range(6)]
@@ -159,7 +159,7 @@ def check_every_route_answers_what_the_description_states(address: str) -> None:
 
 
 def faults_of(operation: Any) -> list[str]:
-    """Try an operation with all checks; return its faults."""
+    """Test an operation with all checks; return its faults."""
     from schemathesis.checks import CHECKS, load_all_checks
     from schemathesis.core.failures import FailureGroup
 

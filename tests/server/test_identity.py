@@ -1,4 +1,4 @@
-"""A robot has a name that stays, and can be renamed."""
+"""A robot has a permanent name, and can be renamed."""
 
 import httpx
 import pytest

@@ -28,7 +28,7 @@ MOVED = ("models", "episodes", "trash", "robot.json", ".lock.pid")
 
 
 def teach(server: Served, lessons: int) -> int:
-    """Hold a move until this number of examples was added; return how many the robot had before."""
+    """Hold a move until this number of examples was added; return the number before."""
     with Pilot(server.drive_url) as pilot:
         before = int(pilot.wait_for_state()["lessons"])
         pilot.drive_until(lambda: pilot.state["lessons"] >= before + lessons, held="left")

@@ -38,7 +38,7 @@ def resting(server):
 
 
 def spent(server: VirtualServer, seconds: float) -> tuple[int, int]:
-    """Return the number of pictures taken, and of ticks run, within this time."""
+    """Return the number of pictures and of ticks within this time."""
     camera, loop = server.rig.camera, server.rig.loop
     pictures, ticks = camera._last_frame_id, loop.state.cycles
     server.forward(seconds)

@@ -1,6 +1,6 @@
 """Every STOP by a client with the right to stop is obeyed, and owner and pilot keep their slots.
 
-The machine runs the real application in virtual time, with small limits.
+The state machine runs the real application in virtual time, with small limits.
 access/test_unpaired_flood.py presses STOP on real sockets, while others flood the server.
 """
 

@@ -95,7 +95,7 @@ class ServedWorld(VirtualRobot):
 
     @functools.cached_property
     def app(self) -> FastAPI:
-        """The application; made when first needed, because some tests never need it."""
+        """The application, which is made at first use, because some tests never need it."""
         return create_app(self.services)
 
     async def __aexit__(self, *error: object) -> None:

@@ -101,7 +101,7 @@ class VirtualServer:
         every_s: float = 0.05,
         policy: str = "",
     ) -> None:
-        """Teach this number of examples, each with another image, with these labels in turn.
+        """Teach this number of examples with different images, and with these labels in turn.
 
         With `policy`, an untaught policy of this name is taught.
         """

@@ -60,8 +60,8 @@ def one_robot(folder: Path, minutes: float, rate_hz: float) -> None:
     print(f"{minutes:g} minutes, {pictures} pictures, {lessons} lessons")
     print(growth.table())
     cpu_ms = 1000 * growth.gain("CPU s") / max(growth.gain("pictures"), 1)
-    print(f"CPU a picture {cpu_ms:.2f} ms; SIGTERM {ended_s:.1f} s; ", end="")
-    print(f"started in {served.ready_s:.1f} s, at the end in {again.ready_s:.1f} s")
+    print(f"CPU per picture {cpu_ms:.2f} ms; end {ended_s:.1f} s after SIGTERM; ", end="")
+    print(f"start {served.ready_s:.1f} s, with the final data {again.ready_s:.1f} s")
 
 
 def many_robots(folder: Path, minutes: float, robots: int) -> None:
@@ -91,7 +91,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--rate", type=float, default=30.0, metavar="HZ", help="pictures a second")
-    parser.add_argument("--robots", type=int, help="of a class; without it, one robot alone")
+    parser.add_argument("--robots", type=int, help="robots in a class; without it, one robot")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         if args.robots:

@@ -19,7 +19,7 @@ _SKIPPED_S = 300.0
 
 
 def measure_process(pid: int, memory: str = "Rss") -> dict[str, float]:
-    """Return resident (Rss) or proportional (Pss) MB, handles, threads and CPU s of a process.
+    """Return a process's resident (Rss) or proportional (Pss) MB, handles, threads and CPU seconds.
 
     Raises:
         OSError: If the process has ended.

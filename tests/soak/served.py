@@ -60,7 +60,7 @@ class Served:
         return measure_process(self.process.pid) | disk
 
     def stop(self) -> float:
-        """End the server as a system does; return the time that this takes, in seconds."""
+        """End the server with SIGTERM; return the time that this takes, in seconds."""
         began_s = time.monotonic()
         self.process.send_signal(signal.SIGTERM)
         self.process.wait(60)
@@ -68,7 +68,7 @@ class Served:
 
 
 def teach_and_hand_over(pilots: list[Pilot], minutes: float) -> Iterator[None]:
-    """Teach for 20 s and hand over for 10, again and again; yield once a second."""
+    """Repeatedly teach for 20 s and hand over for 10 s; yield once a second."""
     end_s, turn = time.monotonic() + minutes * 60, 0
     while time.monotonic() < end_s:
         wanted = "train" if turn % 30 < 20 else "autonomous"

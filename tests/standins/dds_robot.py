@@ -39,7 +39,7 @@ def own_domain() -> int:
 
 
 class DdsRobot:
-    """Once `frozen`, the robot receives and sends nothing more.
+    """A robot on DDS; once `frozen`, it receives and sends nothing more.
 
     Args:
         domain: The robot's domain.
@@ -88,7 +88,7 @@ class DdsRobot:
 
     @property
     def drives(self) -> Point:
-        """The last order to the robot's base: a turn to the right, and the speed ahead."""
+        """The base's last order: its turn rate to the right, and its speed ahead."""
         if not self.cmd_vel:
             return Point(0.0, 0.0)
         return Point(-self.cmd_vel[-1]["angular"]["z"], self.cmd_vel[-1]["linear"]["x"])

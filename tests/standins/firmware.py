@@ -113,5 +113,5 @@ class FirmwareRobot:
             for words in (line.split() for line in lines if line.startswith(b"wheels")):
                 self._moves.append((int(words[1]) / 1000, float(words[2]), float(words[3])))
             wait_s = 0.0
-            if not new:  # it has ended
+            if not new:  # the firmware has ended
                 return

@@ -186,7 +186,7 @@ class RunningFirmware(RunningProgram):
 
 
 class RunningHub(RunningProgram):
-    """docs/examples/firmware/hub.py; the hub's firmware ends the motors' moves."""
+    """Runs docs/examples/firmware/hub.py; the hub's firmware ends the motors' moves."""
 
     def __init__(self, clock: VirtualClock, seed: int) -> None:
         super().__init__(clock, seed)

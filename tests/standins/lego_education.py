@@ -28,8 +28,8 @@ def find_library() -> Any:
 class FakeDoubleMotor:
     """`told` lists the orders as (direction, percent, milliseconds); `cut` takes it out of range.
 
-    Settings (`end_state`, `acceleration`, `steering`) last from one program to the next, as in the
-    motor. `others` are further motors in range.
+    The settings (`end_state`, `acceleration`, `steering`) outlast a program, as in the real motor.
+    `others` are further motors in range.
     """
 
     def __init__(self, address: str = "A4:34:F1:00:00:01") -> None:

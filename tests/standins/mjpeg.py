@@ -1,4 +1,4 @@
-"""An IP camera on this machine: a stream of JPEGs that can be cut."""
+"""An IP camera on this machine, whose stream of JPEGs can be cut."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ _MODULES = Path(__file__).parent / "hub_modules"
 _SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
 _COMMAND_EVENT = "c5f50002-8280-46da-89f4-6d8051e4aeef"
 _CAPABILITIES = "c5f50003-8280-46da-89f4-6d8051e4aeef"
-_OTHERS = {  # third-party clients read these: firmware, protocol, PnP id (SPIKE Prime)
+_OTHERS = {  # for third-party clients: firmware, protocol, PnP id (SPIKE Prime)
     "00002a26-0000-1000-8000-00805f9b34fb": b"3.6.1",
     "00002a28-0000-1000-8000-00805f9b34fb": b"1.3.0",
     "00002a50-0000-1000-8000-00805f9b34fb": struct.pack("<BHHH", 1, 0x0397, 0x81, 0),
@@ -37,7 +37,7 @@ _OTHERS = {  # third-party clients read these: firmware, protocol, PnP id (SPIKE
 MOST_BYTES = 20
 """The smallest limit of bytes that a hub may have for one write."""
 LOST_AFTER_S = 1.0
-"""Time after which Bluetooth gives up the connection to a hub that is out of range."""
+"""Time after which Bluetooth drops the connection to a hub that is out of range."""
 
 
 class FakeHub:
@@ -140,7 +140,7 @@ class FakeHub:
         self._notify(b"\x00" + struct.pack("<I", (1 << 6) * (self.process is not None)))
 
     def type(self, data: bytes) -> None:
-        """Write to the program's standard input."""
+        """Write a line to the standard input of the program."""
         if self.process is not None and self.process.stdin is not None:
             self.process.stdin.write(data)
             self.process.stdin.flush()

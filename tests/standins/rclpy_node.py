@@ -1,7 +1,7 @@
-"""Runs docs/examples/ros/watchdog.py with a few lines instead of rclpy and its messages.
+"""Runs docs/examples/ros/watchdog.py with stand-ins for rclpy and its messages.
 
-The names and signatures are those of rclpy's Node and of Jazzy's messages as far as known; no ROS
-checks them here.
+The names and signatures follow the documents of rclpy's Node and of Jazzy's messages; no ROS checks
+them here.
 """
 
 from __future__ import annotations

@@ -50,14 +50,14 @@ class RosBridgeServer:
 
     @property
     def drives(self) -> Point:
-        """The motion of the robot's base: a turn to the right, and the speed ahead."""
+        """The motion of the robot's base: its turn rate to the right, and its speed ahead."""
         if not self.cmd_vel:
             return Point(0.0, 0.0)
         twist = self.cmd_vel[-1].get("twist", self.cmd_vel[-1])
         return Point(-twist["angular"]["z"], twist["linear"]["x"])
 
     def settle(self, bridge: Any) -> None:
-        """Wait until all messages sent so far have arrived; None: until no client is connected."""
+        """Wait until all messages of the client have arrived; for None, until no client is left."""
         if self.frozen.is_set():
             return
         if bridge is None:

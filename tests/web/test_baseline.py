@@ -76,7 +76,7 @@ def test_the_drive_screens_styles_keep_to_the_baseline(path: Path) -> None:
 
 
 def test_the_first_script_is_for_any_browser() -> None:
-    """This file tells an old browser that it is too old, so it must run there."""
+    """This file must also run in old browsers, because it tells them that they are too old."""
     [script] = re.findall(r"<script>(.*?)</script>", (WEB / "index.html").read_text(), re.DOTALL)
     code = re.sub(r"'[^']*'|//.*|/\*.*?\*/", "", script)
     for newer in (r"=>", r"\b(let|const|class|async|await)\b", "`", r"\?\.|\?\?", r"\.\.\."):

@@ -39,7 +39,7 @@ SKIPPED = {
     "robot/bodies/ev3/test_stock.py::test_the_cable_carries": KERNEL + "packets of a local socket",
 }
 ABSENT = {"mkfifo": KERNEL + "named pipes, which a stand-in for a brick has"}
-"""Functions of `os`; a test that calls one of them is skipped there."""
+"""Functions of `os`; a test that calls one of them is skipped on Windows."""
 TESTS = Path(__file__).parents[1]
 
 

@@ -100,7 +100,7 @@ def test_a_stopped_camera_accepts_no_picture(camera: PhoneCamera) -> None:
 
 
 class StillPicamera2(picamera2.Picamera2):
-    """Gives a picture whenever a test requests one."""
+    """A camera that delivers a picture whenever the test requests one."""
 
     def start(self) -> None:
         pass

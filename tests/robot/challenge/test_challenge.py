@@ -59,7 +59,7 @@ FEWER: dict[str, list[Part]] = {
 }
 """Drives that slightly resemble a course; they may score, but much less than a course."""
 HONEST_BOX = [(3.5, 1.0, 0.0), (QUARTER_S, 0.2, 1.0)]
-"""Rounds of the smallest box, 1.15 m wide, as an average robot drives them."""
+"""Rounds of an average robot in the smallest box, which is 1.15 m wide."""
 
 
 def tick(at_s: float, pose: Pose | None, by: DrivenBy = DrivenBy.ROBOT, **more: Any) -> Tick:
@@ -74,7 +74,7 @@ def tick(at_s: float, pose: Pose | None, by: DrivenBy = DrivenBy.ROBOT, **more: 
 
 
 def poses(way: list[Part], until_s: float = TRY_S) -> Iterator[tuple[float, Pose]]:
-    """Yield times and poses of a robot that drives these parts again and again."""
+    """Yield times and poses of a robot that repeats these parts."""
     x_m = y_m = heading = at_s = 0.0
     for seconds, speed, turn in cycle(way):
         for _ in range(round(seconds / STEP_S)):

@@ -17,7 +17,7 @@ from tests.robot.policy.passing import teach
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 EITHER = crossed(name=("default-16", "published-16"), seed=range(6))
-"""Learners on gradients, and on grey pixels only."""
+"""A learner on gradients, and a learner on only grey pixels."""
 
 
 def test_images_that_are_gone_are_forgotten_in_the_end():

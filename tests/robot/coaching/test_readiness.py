@@ -26,7 +26,7 @@ F, L, R, STOP = Action.FORWARD, Action.LEFT, Action.RIGHT, Action.STOP
 
 
 class Drive:
-    """A lesson of ticks at some rate, and the readiness that follows from them."""
+    """A lesson of ticks at a given rate, and the resulting readiness."""
 
     def __init__(self, rate_hz=10.0):
         self.lesson = Lesson()

@@ -35,7 +35,7 @@ def tick_at(pose, by=DrivenBy.ROBOT, *, mode=Mode.AUTONOMOUS, asks=False, bumped
 
 @pytest.mark.parametrize("seed", seeds(8, 30))
 def test_a_client_that_requests_it_now_and_then_gets_the_whole_trail(seed):
-    """A client that joins the answers to a trail, as the page does."""
+    """A client that joins the answers to one trail, like the page."""
     chance, trail = random.Random(seed), Trail()
     first, points = 0, []
     x_m = heading_rad = since_replaced = 0

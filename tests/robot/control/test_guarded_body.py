@@ -28,7 +28,7 @@ class Driven:
         self.said_s = 0.0
 
     def drive(self) -> None:
-        """Teach the robot to go forward, and then drive in the mode."""
+        """Teach the robot to go forward, and then drive in this mode."""
         self.clock.sleep(0.2)
         for mode, held in ((Mode.TRAIN, Action.FORWARD), (self.mode, self.held)):
             assert self.clock.result(self.loop.set_mode(mode), 1.0)

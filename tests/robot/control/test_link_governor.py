@@ -43,7 +43,7 @@ def test_restrictions_are_lifted_one_by_one_and_only_after_a_while():
 def test_only_a_delay_well_below_the_threshold_lifts_a_restriction():
     governor = LinkGovernor()
     governor.note_age(0.21, 0.0)
-    for tenth in range(1, 60):  # below 0.2, but not far enough below
+    for tenth in range(1, 60):  # below 0.2 s, but not by enough
         governor.note_age(0.19, tenth / 10)
     assert governor.level is LinkLevel.SLOW
     for tenth in range(60, 70):
@@ -98,7 +98,7 @@ def test_the_age_is_that_of_the_slower_direction():
 def test_a_command_is_judged_by_the_link_without_camera_and_phone(
     frame_age_s, phone_s, age_s, level
 ):
-    """The camera took 0.5 s to deliver the picture, and has a period of which 0.05 s are slack.
+    """The camera delivered the picture after 0.5 s; of its period, 0.05 s are slack.
 
     If the page reports an age of 0.78 s, the link took 0.28 s, of which 0.1 s may be the phone's.
     """

@@ -67,7 +67,7 @@ def test_the_robot_drives_as_it_was_taught_and_learns_from_a_correction():
 
 
 def test_a_stuck_robot_tries_another_move_asks_and_drives_on_after_a_correction():
-    """Four views were taught, LEFT at the first; then the picture stays the same."""
+    """Four views were taught, with LEFT at the first one; then the picture stays the same."""
     robot = BenchRobot("default-8")
     robot.start(Mode.TRAIN)
     for step in range(40):
@@ -122,7 +122,7 @@ def test_agreement_counts_predictions_made_before_the_example_was_learned():
 
 
 class FailingLearner(BSOCClassifier):
-    """A learner that fails on request, in every way in which a learner can fail."""
+    """A learner that, on request, fails in every possible way."""
 
     is_failing = True
 
@@ -183,7 +183,7 @@ def test_a_held_point_is_driven_and_learned_if_the_body_accepts_points(takes_poi
 
 
 def hold_up(monkeypatch: pytest.MonkeyPatch, robot: BenchRobot, seconds: float) -> None:
-    """Make each prediction of the policy take this time."""
+    """Make each prediction of the policy take this long."""
     policy = robot.loop.history.policy
     propose = policy.propose
 

@@ -184,7 +184,7 @@ def test_a_driver_with_a_reading_of_another_type_is_named_and_stopped(sense):
 
 
 def test_readings_that_are_not_finite_count_as_missing():
-    """Drivers state infinity for an obstacle out of reach; JSON has no such number."""
+    """Drivers report infinity for an obstacle out of range; JSON has no such number."""
     for none in (math.inf, -math.inf, math.nan):
         lost = Pose(x_m=0.0, y_m=none, heading_rad=0.0)
         assert Sensors(distance_m=none, battery_share=none, pose=lost) == Sensors()
@@ -194,7 +194,7 @@ def test_readings_that_are_not_finite_count_as_missing():
 
 
 def test_readings_in_other_numbers_can_be_sent_and_saved():
-    """Drivers return numbers of NumPy or decimal fractions, which JSON does not have."""
+    """Drivers may return NumPy numbers or `Decimal`, which JSON does not have."""
     place = Pose(x_m=np.float32(1.0), y_m=np.int64(2), heading_rad=Decimal("0.5"))
     pressed = np.array([True, False])
     read = Sensors(
@@ -316,7 +316,7 @@ def test_a_fault_is_shown_at_once_and_goes_when_it_is_over():
 
 
 def test_each_shown_fault_stays_for_at_least_three_seconds():
-    """A fault that counts seconds, causes that alternate, a camera that repeats once a second."""
+    """Faults that count seconds, alternate between two causes, or recur once a second."""
     chance, steady, shown, changed_s = random.Random(5), SteadyFault(), None, -STEADY_S
     for tick in range(4000):
         now_s = tick * 0.05

@@ -1,9 +1,8 @@
-"""Counts the modules and lines through which a taught tick of a served robot runs, and which a
-reader has to follow.
+"""Counts the modules and lines that a taught tick runs, and that a reader has to follow.
 
 The test drives the simulator by a page's messages, with all listeners that `drivelesson`
-subscribes. The path begins at the camera's picture and the command, and ends when disk and pages
-have got the tick.
+subscribes. The path begins with a picture and a command, and ends when disk and pages have the
+tick.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ class Body(ReplayDriver):
     requests: list[tuple[float, str]] = field(default_factory=list)
     failure: Exception | None = None
     release: threading.Event | None = None
-    """If this event exists, an action hangs until the event is set."""
+    """Actions hang until this event, if any, is set."""
 
     def __post_init__(self) -> None:
         super().__init__(clock=self.clock)
@@ -126,7 +126,7 @@ def drain(driver: DriverThread) -> None:
     for _ in range(10):
         if not driver.step():
             return
-    pytest.fail("it is never done")
+    pytest.fail("the condition never holds")
 
 
 def names(body: Body) -> list[str]:

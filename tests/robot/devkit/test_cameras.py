@@ -58,7 +58,7 @@ def test_a_picture_that_is_too_wide_for_a_message_is_a_fault_that_names_its_size
 
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> VirtualClock:
-    """The machine's own clock, by which kernel drivers stamp their pictures."""
+    """The kernel's clock, which stamps the pictures of kernel drivers."""
     clock = VirtualClock(50.0)
     monkeypatch.setattr("robot.devkit.threaded_camera.time", SimpleNamespace(monotonic=clock.now_s))
     return clock
@@ -191,7 +191,7 @@ def _system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def plug(root: Path, number: int, port: str, serial: str = "", interface: int = 0) -> None:
-    """Create the files by which Linux shows a USB camera."""
+    """Create the files of a USB camera, like Linux."""
     device = root / "devices" / port
     part = device / f"{port}:1.{interface}"
     part.mkdir(parents=True, exist_ok=True)

@@ -20,7 +20,7 @@ HOOKS = {"_open", "_begin", "_drive", "_sense", "_close"}
 
 
 class Radio:
-    """A body that answers, or only reports ten times a second; its connection can be cut."""
+    """A body that answers, or only reports ten times a second, and whose connection can be cut."""
 
     def __init__(self, clock: VirtualClock, answers: bool) -> None:
         self.clock, self.answers = clock, answers

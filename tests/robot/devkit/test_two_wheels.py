@@ -1,4 +1,4 @@
-"""The speeds of two wheels at each steering and throttle, and the pose to which they lead."""
+"""The wheel speeds at each steering and throttle, and the pose that results from wheel speeds."""
 
 from __future__ import annotations
 

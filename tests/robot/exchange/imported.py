@@ -1,5 +1,4 @@
-"""Writes pictures that show their numbers, and donkeycar's tubs of them, and reads the results of
-imports."""
+"""Writes numbered pictures and donkeycar tubs of them, and reads the results of imports."""
 
 from __future__ import annotations
 
@@ -96,8 +95,8 @@ def import_pictures(
     points: Iterable[Point | None] = itertools.repeat(None),
     **drive: Any,
 ) -> Episode:
-    """Write a drive of RGB pictures, shape (height, width, 3), ten a second if no times are given,
-    and open it."""
+    """Write a drive of RGB pictures, shape (height, width, 3), and open it; without times, ten a
+    second."""
     times_s = times_s if times_s is not None else (i / 10 for i in itertools.count())
     shots = [
         FrameEvent(t_s=at_s, picture=partial(raw, shown), label=label, point=point)

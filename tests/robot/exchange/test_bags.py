@@ -1,5 +1,4 @@
-"""Bags of ROS 1 and 2, written by the library `rosbags`, are imported with the right labels and
-colours."""
+"""Bags of ROS 1 and 2, written by `rosbags`, are imported with the right labels and colours."""
 
 from __future__ import annotations
 
@@ -38,7 +37,7 @@ def write_bag(
     size: tuple[int, int] = (160, 120),
     rows: NDArray[np.uint8] | None = None,
 ) -> Labels:
-    """Write a bag of ROS 1 or 2 by the library `rosbags`; return the label of each picture.
+    """Write a bag of ROS 1 or 2 with `rosbags`; return the label of each picture.
 
     `rows` are the bytes of each picture, shape (height, bytes of a row); by default they show the
     picture's number.

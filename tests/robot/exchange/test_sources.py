@@ -1,4 +1,4 @@
-"""All drives at a path are found: among other files, at any depth, packed or not."""
+"""All drives at a path are found, among other files, at any depth, and in archives."""
 
 from __future__ import annotations
 

@@ -144,14 +144,14 @@ DAMAGES: dict[str, tuple[str, bytes, bytes, set[int]]] = {
     "no catalogs": (MANIFEST, b'{"paths"', b'["paths"', set()),
     "a deeply nested manifest": (MANIFEST, b"[", b"[" * 10_000, set()),
 }
-"""Damages: a file, the text that is replaced, its replacement, and the pictures that are lost."""
+"""Kinds of damage: the file, the replaced text, the replacement, and the lost pictures."""
 
 
 @pytest.mark.parametrize("first", DAMAGES)
 def test_every_intact_record_of_a_damaged_tub_is_imported_and_nothing_wrong(
     tmp_path: Path, first: str
 ) -> None:
-    """Try each damage alone and with the next one; at full size, with each later one."""
+    """Try each damage by itself and with the next one, or at full size with each later one."""
     names = list(DAMAGES)
     for second in names[names.index(first) :][: None if IS_FULL else 2]:
         tub, report = tub_2(tmp_path / second, angles(*[-0.7, 0.0, 0.6] * 4)), ImportReport()

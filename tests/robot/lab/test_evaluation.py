@@ -53,7 +53,7 @@ def test_a_broken_recording_is_named_in_one_line(halls, changes, capsys):
 def test_a_wrong_call_is_refused_before_anything_is_learned(
     halls, monkeypatch, capsys, words, said
 ):
-    monkeypatch.setattr(evaluation, "judge", lambda *_: pytest.fail("it learned"))
+    monkeypatch.setattr(evaluation, "judge", lambda *_: pytest.fail("it must not learn"))
     try:
         status = main(["evaluate", *(word.replace("HALLS", str(halls)) for word in words)])
     except SystemExit as left:

@@ -22,7 +22,7 @@ FIGURES = {  # place: published BSOC-64, published BSOC-32, 9-nn
     "simroad": (0.846, 0.813, 0.858),
 }
 LEARNERS = ["published-64", "published-32", *(["knn-9"] if IS_FULL else [])]
-"""kNN, with which they are compared, takes four times as long as both."""
+"""Only the full size includes kNN, which takes four times as long as the other two."""
 
 
 @pytest.mark.recordings

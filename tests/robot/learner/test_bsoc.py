@@ -1,4 +1,4 @@
-"""A learner's images and votes equal the paper's, are computed quickly, and accept any values."""
+"""The learner's images and votes equal those of the paper's pseudocode, for any values."""
 
 from __future__ import annotations
 
@@ -94,14 +94,14 @@ def test_exact_ties_are_broken_like_in_the_pseudocode(cluster, max_nodes):
     for x in [0, 8, 16, 24, 4, 12, 0, 8, 32, 40, 32, 40, 16, 16]:
         slots = ours.train(np.array([x], np.float32)), theirs.train([float(x)])
         if not all(n.count & (n.count - 1) == 0 for n in theirs.nodes):
-            break  # a share of 1/3 is not exact in binary, so there are no ties from here on
+            break  # a share of 1/3 is not exact in binary, so later distances are never equal
         assert slots[0] == slots[1]
         assert ours.nodes_.tolist() == [node.image for node in theirs.nodes]
 
 
 @crossed(seed=range(3), size=[(1, 4), (3, 3), (12, 255)], max_nodes=[1, 2, 3, 5, 8])
 def test_published_bytes_equal_the_pseudocode_ties_included(max_nodes, size, seed):
-    """Few values and short vectors have many equal distances, so there are many ties to break."""
+    """Short vectors of few values have many equal distances, so many ties must be broken."""
     d, top = size
     rng = np.random.default_rng(seed)
     ours, theirs = PublishedBSOC(max_nodes, integer=True), PaperBSOC(max_nodes, rounded=True)
@@ -187,7 +187,7 @@ def test_a_refused_first_frame_fixes_no_length(refused):
 
 @pytest.mark.parametrize("size", [1.0, 1e6, 1e11, 1e13, 1e16, 1e18])
 def test_values_of_any_size_are_clustered_or_refused(size):
-    """Beyond float32 every merge would have the same cost, and a pinned node would be merged."""
+    """Beyond float32, all merges would have the same cost, and a pinned node would be merged."""
     learner, n_learned = BSOC(2, group_cost=1000.0), 0
     for i in range(60):
         x = size * min(i, 1) * np.random.default_rng(i).normal(size=3)

@@ -1,4 +1,4 @@
-"""Properties of every kind of learner, whatever it is taught."""
+"""Every kind of learner has these properties, whatever it is taught."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ lessons = st.lists(st.tuples(arrays(np.uint8, 6), st.sampled_from(LABELS)), min_
 def make(kind, max_nodes):
     if kind.startswith("published"):
         return BSOCClassifier.published(max_nodes, integer=kind.endswith("integer"))
-    if kind == "integer-linear":  # like on a brick, two of six values are not compared
+    if kind == "integer-linear":  # as on a brick, two of six values are not compared
         images = IntegerImages(max_nodes, 4)
         cluster = BSOC(max_nodes, group_cost=GROUP_COST, images=images)
         return BSOCClassifier(max_nodes, linear=IntegerRidge(3), cluster=cluster)

@@ -9,7 +9,7 @@ from robot.learner.linear import N_CONTEXTS
 from robot.learner.ridge import ContextRidge, RecursiveRidge
 
 CLOSE = 1e-5
-"""Largest difference of scores from exact ones, because the inverse is in single precision."""
+"""Tolerance of scores, because the inverse is in single precision."""
 SIZE = 6
 ALL = range(N_CONTEXTS)
 
@@ -118,9 +118,8 @@ def alone(examples, context=None):
 
 @pytest.mark.parametrize("together", [0, 3, 8, 30])
 def test_contexts_are_one_until_they_differ(examples, together):
-    """The first frames count in all contexts, so it does not matter that only the common ridge has
-    learned them. From then on each context's ridge knows its own examples, and the common ridge
-    knows all."""
+    """Only the common ridge learns the first frames, which count in all contexts. Later, each
+    context's ridge learns its own examples, and the common ridge learns all."""
     mixed = [(x, t, ALL if i < together else some) for i, (x, t, some) in enumerate(examples)]
     ridge = in_contexts(mixed[:together])
     arrays = ridge.save()[1]

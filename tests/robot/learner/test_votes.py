@@ -1,5 +1,4 @@
-"""Labels and novelty computed from distances: which views are novel, and when a pilot has changed
-his mind."""
+"""Which views are novel, and when a pilot has changed their mind."""
 
 from __future__ import annotations
 
@@ -82,7 +81,7 @@ SHARES = np.array([0.2, 0.7, 0.1])
 class Lesson:
     """Teaches turns at four views, each with an image, and driving straight between them.
 
-    At the two views of LEFT it was already taught three times to turn left.
+    Each of the two views of LEFT was already taught three times.
     """
 
     def __init__(self):
@@ -144,7 +143,7 @@ def test_one_turn_of_any_length_does_not_change_a_label(lesson):
 def test_examples_taught_since_the_change_stay(lesson):
     for _ in range(2):
         lesson.turn(RIGHT, 1)
-    lesson.turn(LEFT, 2, 1)  # reduces the evidence
+    lesson.turn(LEFT, 2, 1)  # this reduces the evidence
     lesson.turn(RIGHT, 1)
     assert lesson.says_right_at(1) and lesson.is_unchanged_at(2)
 
@@ -257,7 +256,7 @@ def test_after_an_announced_change_one_wall_teaches_all_walls(max_nodes, is_line
 
 @crossed(is_linear=[False, True], n_blocks=few([2, 3, 4], 2), max_nodes=few([8, 16, 32, 64], 2))
 def test_other_turns_at_other_walls_change_no_label(max_nodes, n_blocks, is_linear):
-    """The pilot turns left at some walls and right at others, and teaches both halves only once."""
+    """The pilot turns left at some walls and right at others, and teaches each wall once."""
     lessons = []
     for block in range(n_blocks):
         lessons += drive(("left", "right")[block % 2], 16, block, 4 * (block % 2))

@@ -1,4 +1,4 @@
-"""Passes frames and examples, made from a test's values, through one part of a policy."""
+"""Passes frames and examples with a test's values through one part of a policy."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def test_one_odd_frame_does_not_turn_the_average():
 
 
 class Drive:
-    """Pictures at 20 Hz: of a moving stripe, or of a still stripe with noise."""
+    """Pictures at 20 Hz of a stripe that moves, or that stands still with some noise."""
 
     def __init__(self):
         kinds = MoveKinds((*MOVES, BRAKE, GRIP))
@@ -111,8 +111,7 @@ class Drive:
         return set(self.standstill.futile)
 
     def go(self, seconds, under_way, is_moving, bumped=False):
-        """Drive on; return the time at which a move was first barred, in seconds after the
-        start."""
+        """Drive on; return the time of the first barred move, in seconds after the start."""
         first_s = None
         for i in range(round(seconds * 20)):
             self.shift += is_moving
@@ -133,7 +132,7 @@ class Drive:
 
 @pytest.fixture
 def drive():
-    """A drive that has just gone straight on for three seconds."""
+    """A drive that has gone straight on for three seconds."""
     return Drive()
 
 
@@ -208,7 +207,7 @@ class Body:
         self._wall = self._rng.integers(0, 200, 400, np.uint8)
 
     def step(self, votes, *, is_free=True):
-        """Let a frame's time pass with the last move, and choose the next."""
+        """Let the time of one frame pass with the last move, and choose the next move."""
         self.now_s += self.dt_s
         if self.doing in KINDS.turns or (self.doing is F and is_free):
             self.shift += 40 * self.dt_s

@@ -56,7 +56,7 @@ def test_invalid_image_bytes_are_a_camera_error(encoding, data):
 def test_shrinking_averages_areas(times):
     grey = np.random.default_rng(2).integers(0, 256, (30 * times, 40 * times), dtype=np.uint8)
     exact = grey.reshape(30, times, 40, times).mean(axis=(1, 3))
-    if times in (2, 4):  # these fast functions round halves to even
+    if times in (2, 4):  # these fast functions round half to even
         exact = np.rint(exact)
         colour = np.repeat(grey[:, :, None], 3, axis=2)
         assert np.array_equal(image.shrink(colour, 40, 30)[:, :, 1], exact)

@@ -60,8 +60,7 @@ def history():
 
 @pytest.mark.parametrize("learner", ["published-8", "default-8", "integer-8"])
 def test_examples_taught_in_batches_leave_the_same_learner_bit_for_bit(learner):
-    """Batches of 1 to 5 examples at thirty frames a second, with pauses, points, turns and an
-    undo."""
+    """Teach batches of 1 to 5 examples at thirty frames a second, with pauses and an undo."""
     one, many = (TrainingHistory(make_policy(learner)) for _ in range(2))
     random, at_s, lessons = np.random.default_rng(7), 0.0, []
     for i, x in enumerate(3 * vectors(one.policy, 50)):
@@ -171,7 +170,7 @@ def test_an_undone_example_is_not_the_last_one_of_an_image(learner):
         example = Example(frame_id=0, label=Action.FORWARD, is_intervention=False)
         history.teach(example, x, at_s)
 
-    for i, x in enumerate(xs[:81]):  # then a snapshot copies the state
+    for i, x in enumerate(xs[:81]):  # at this time, a snapshot copies the state
         for history in (undone, untouched):
             teach_forward(history, x, 0.125 * i)
     for x, at_s in zip(xs[81:83], (10.125, 10.25), strict=True):

@@ -63,7 +63,7 @@ def test_the_correction_is_saved_with_the_model_and_an_impossible_one_refused():
 
 
 def view(policy, kind, light, seed):
-    """A picture of two plain halves, which hardly differ except in grey."""
+    """A picture of two plain halves, which differ mainly in brightness."""
     pixels = np.full((120, 160, 3), 150.0)
     pixels[:, 80 * kind : 80 * kind + 80] = 90.0
     pixels += np.random.default_rng(seed).normal(0.0, 6.0, pixels.shape)

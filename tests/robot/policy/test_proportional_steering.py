@@ -41,7 +41,7 @@ def view(bend: float, noise: int) -> Frame:
 
 
 def way(seed: int, frames: int) -> list[float]:
-    """Return the bend of the path, frame by frame."""
+    """Return the bend of the path at each frame."""
     dice = random.Random(seed)
     waves = [(dice.uniform(0.02, 0.2), dice.uniform(0.0, math.tau)) for _ in range(3)]
     return [sum(math.sin(f * i + phase) for f, phase in waves) / 3 for i in range(frames)]
@@ -189,13 +189,13 @@ def test_proportional_steering_is_imitated_more_closely_than_moves_allow(learner
     off = np.mean([abs(point.steering - bend) for bend, _, point in said])
     by_moves = np.mean([abs(means[move].steering - bend) for bend, move, _ in said])
     assert off < 0.8 * by_moves
-    for _, move, point in said:  # never far from this pilot's usual point for the move
+    for _, move, point in said:  # the point is never far from this pilot's usual point
         assert abs(point.steering - means[move].steering) < BAND
 
 
 @crossed(learner=LEARNERS, seed=range(2))
 def test_an_obstacle_that_is_passed_on_either_side_is_not_driven_into(learner, seed):
-    """The mean of hard left and hard right is straight on."""
+    """The mean of hard left and hard right would be straight on."""
     dice, policy = random.Random(seed), make_policy(learner)
     for i in range(160):
         near = dice.uniform(0.4, 1.0)

@@ -1,5 +1,4 @@
-"""Damaged and malicious files are read up to the damage and never trusted; truncated files are
-completed."""
+"""Damaged and malicious files are read up to the damage, and truncated files are completed."""
 
 from __future__ import annotations
 
@@ -60,7 +59,7 @@ def messages(path: Path) -> Messages:
 
 
 def by_library(path: Path) -> Messages:
-    """Read all messages by the library itself, which uses the index."""
+    """Read all messages with the library itself, which uses the index."""
     with path.open("rb") as file:
         found = make_reader(file, validate_crcs=True).iter_messages()
         return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
@@ -115,14 +114,14 @@ def test_any_damage_is_described_and_no_readable_message_is_lost(
     rng, data = random.Random(seed), bytearray(whole)
     if seed % 2:
         del data[len(data) - 2000 :]
-    if seed % 5 == 1:  # at the end: the footer, and the records before it
+    if seed % 5 == 1:  # damage at the end: the footer, and the records before it
         for _ in range(rng.randrange(1, 20)):
             data[-rng.randrange(1, 1200)] = rng.randrange(256)
     elif seed % 5 == 2:
         data[-28 : -28 + 8] = rng.choice([0, 1, len(data), 2**63, 2**64 - 1]).to_bytes(8, "little")
     elif seed % 5 == 3:
         data = bytearray(rng.randbytes(rng.randrange(0, 200)))
-    else:  # anywhere
+    else:  # damage anywhere
         for _ in range(rng.randrange(1, 8)):
             data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
     path.write_bytes(data)
@@ -242,7 +241,7 @@ def crafted(
     channel: tuple[str, str, str] = ("/x", "json", "x"),
     messages: Iterable[bytes] = (),
 ) -> Path:
-    """Write a file by the library itself; a channel is a topic, an encoding and a schema."""
+    """Write a file with the library itself; a channel is a topic, an encoding and a schema."""
     topic, encoding, schema = channel
     with path.open("wb") as file:
         writer = Writer(file, compression=CompressionType.NONE)

@@ -78,7 +78,7 @@ def teach(writer: EpisodeWriter, first: int, count: int) -> None:
 
 
 def teach_long(writer: EpisodeWriter, count: int) -> None:
-    """Write everything that the recorder writes if a robot is taught with every picture."""
+    """Write all that the recorder writes if every picture teaches the robot."""
     rng = np.random.default_rng(1)
     for number in range(1, count + 1):
         now_s, label = number / 30, DEFAULT_MOVES[number // 40 % 3]

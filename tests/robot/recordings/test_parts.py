@@ -75,7 +75,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder with a recording in several files; do not change it."""
+    """The folder with a recording in several files, which no test may change."""
     return drive(tmp_path_factory.mktemp("driven"), part_s=1.0).finish()[0].parent
 
 
@@ -215,7 +215,7 @@ def test_a_kill_separates_no_files_of_a_recording(
 def test_a_kill_while_it_is_made_compact_loses_nothing(
     driven: Path, tmp_path: Path, left: list[int]
 ) -> None:
-    for kept in range(6):  # mark, first file, notes, parts, new file, and the new file's notes
+    for kept in range(6):  # moves: mark, first file, notes, parts, new file and its notes
         root = tmp_path / str(kept)
         store, episode_id = stored(root, driven)
         wanted = list(store.open(episode_id).frames)

@@ -312,7 +312,7 @@ def test_a_full_disk_ends_the_recording_and_the_next_drive_is_recorded_again(
 def test_every_file_is_closed_whatever_the_disk_refuses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str, refused: int
 ) -> None:
-    """At the beginning, in the middle and at the end of a recording and of its parts."""
+    """The disk is full at the beginning, in the middle or at the end of a recording or part."""
     files: list[BinaryIO] = []
     n_done = {"open": 0, "flush": 0}
 

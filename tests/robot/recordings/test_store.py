@@ -295,7 +295,7 @@ def test_deleted_recordings_are_removed_after_the_days_in_the_trash(
 def test_a_clock_that_is_years_off_and_then_set_empties_no_trash(
     folder: Path, storage: Storage
 ) -> None:
-    """A computer without a battery for its clock starts in 1970, or when its image was made."""
+    """A computer whose clock has no battery starts in 1970, or at the time of its disk image."""
     clock = VirtualClock(0.0)
     store = EpisodeStore(storage, wall_s=clock.wall_s)
     keys = []

@@ -120,7 +120,7 @@ def test_nobody_else_can_enter_the_data_folder(tmp_path, before):
 
 
 def test_only_a_regular_file_of_the_allowed_size_is_read_into_no_larger_buffer(tmp_path):
-    """A buffer for the largest file took a second on Windows for each model in a list."""
+    """On Windows, a buffer for the largest file took a second for each model in a list."""
     path, data = tmp_path / "model", bytes(range(256))
     path.write_bytes(data)
     tracemalloc.start()

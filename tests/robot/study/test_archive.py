@@ -27,7 +27,7 @@ def table(logs: dict[str, bytes], plan: str = SMALL_PLAN) -> list[dict[str, str]
 
 
 def repacked(file: Path, change: Callable[[str, bytes], bytes]) -> Path:
-    """Write the zip file of two sessions, with the content of each of its files changed."""
+    """Write the zip file of two sessions, with each file changed by `change`."""
     packed = io.BytesIO(pack(SMALL_PLAN, logs_of(2)))
     with zipfile.ZipFile(packed) as old, zipfile.ZipFile(file, "w") as new:
         new.mkdir("events")
@@ -66,7 +66,7 @@ def test_an_unfinished_session_counts_and_the_last_attempt_of_a_condition_counts
 
 
 def test_drives_stay_under_their_own_condition_after_the_plan_was_changed():
-    """A condition that is added later gives the same slots other orders."""
+    """A condition that is added later changes the order of conditions in each slot."""
     logs = logs_of(2)
     added = '[[condition]]\nname = "third"\n[[condition]]\nname = "short"'
     later = SMALL_PLAN.replace('[[condition]]\nname = "short"', added)

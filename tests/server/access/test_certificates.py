@@ -26,7 +26,7 @@ def serving(made: Certificates) -> ssl.SSLContext:
 
 
 def handshake(client: ssl.SSLContext, server: ssl.SSLContext, name: str | None = None) -> bytes:
-    """Connect in memory; return the server's certificate, or raise SSLError if it is refused."""
+    """Connect in memory; return the server's certificate; SSLError if the client refuses it."""
     up, down = ssl.MemoryBIO(), ssl.MemoryBIO()
     ends = [
         client.wrap_bio(down, up, server_hostname=name),

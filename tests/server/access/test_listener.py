@@ -138,7 +138,7 @@ def without_descriptors_it_turns_away(listener: AdmissionListener, number: int) 
 def what_has_come_is_read_before_it_is_pushed_out(listener: AdmissionListener) -> None:
     clients, rounds = _connect(listener, 100), []
     for _ in range(9):
-        listener.clock.advance(1.0)  # the time of a busy computer
+        listener.clock.advance(1.0)  # a busy computer needs this time
         rounds.append(_accept_all(listener))
     assert [len(accepted) for accepted in rounds] == [40, *7 * [0], 40]
     assert listener.admission.pending.evicted == 40

@@ -69,7 +69,7 @@ def check_no_page_is_dead(way: str, folder: Path, count: int) -> None:
 
 @dataclass
 class Browser:
-    """One of the browsers."""
+    """A browser that loads the page."""
 
     address: str
     cookie: str
@@ -79,7 +79,7 @@ class Browser:
         """Load the page, and everything that it needs until it shows a picture.
 
         Raises:
-            Exception: The error of whatever fails first.
+            Exception: The first error.
         """
         files = json.loads((joined_page() / "shell.json").read_text("utf-8"))
         options: dict[str, Any] = {"base_url": self.address, "headers": {"Cookie": self.cookie}}
@@ -122,7 +122,7 @@ class Browser:
 
 @contextlib.contextmanager
 def _serving(way: str, folder: Path) -> Iterator[Callable[[], Browser]]:
-    """While the `with` block runs, serve; yield a function that returns a paired browser."""
+    """Serve inside the `with` block; yield a function that returns a paired browser."""
     folder.mkdir()
     is_tls, is_behind_nginx, port = "TLS" in way, "nginx" in way, free_port()
     pairing, certificates = Pairing(10), None

@@ -27,7 +27,7 @@ FORMS = (
     f"\x1b[1m{LINK}\x1b[0m",
     f"http://h/pair#{TOKEN[:10]}\n{TOKEN[10:]}",  # a narrow terminal window broke the line
     *(" ".join(JOINED), "-".join(JOINED)),  # a person typed it letter by letter
-    "".join(chr(ord(letter) + 0xFEE0) for letter in JOINED),  # full width, as in Chinese
+    "".join(chr(ord(letter) + 0xFEE0) for letter in JOINED),  # full-width letters, as in Chinese
 )
 """Texts that a person may paste: the token, its address, or lines of the terminal."""
 WRONG = (

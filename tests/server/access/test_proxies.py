@@ -73,7 +73,7 @@ def test_no_header_of_a_client_hides_what_the_proxy_adds(begun):
     added = 'for="10.0.0.1";host=robot'
     assert seen(forwarded=f"{begun}, {added}")["client"][0] == "127.0.0.1"
     assert seen(forwarded=f"x-id=1; for=6.6.6.6, {added}")["client"][0] == "10.0.0.1"
-    asked = scope(x_forwarded_for="6.6.6.6")  # the client's own header line comes first
+    asked = scope(x_forwarded_for="6.6.6.6")  # the first header line is the client's own
     asked["headers"].append((b"X-Forwarded-For", b"10.0.0.1"))
     assert PROXIES.see_through(asked)["client"][0] == "10.0.0.1"
 

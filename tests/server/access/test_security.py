@@ -236,7 +236,7 @@ ANSWERED = {
     ("GET", "/favicon.ico"): (404, {"detail"}),
     ("GET", "/manifest.webmanifest"): (200, None),
 }
-"""The addresses that an unpaired client may read; all others answer 401."""
+"""The addresses that an unpaired client may read; all other addresses answer 401."""
 
 
 def test_an_unpaired_client_gets_nothing_else(lan):
@@ -305,7 +305,7 @@ def test_a_viewer_may_stop_but_not_drive(lan):
 def test_a_viewer_can_change_only_its_own_pairing(lan):
     viewer, described = _pair(lan, Role.VIEWER), lan.app.openapi()["paths"]
     allowed = set()
-    for path in sorted(described, key="/api/unpair".__eq__):  # it ends the session
+    for path in sorted(described, key="/api/unpair".__eq__):  # this request ends the session
         for method in set(described[path]) - {"get"}:
             answer = httpx.request(method, lan.address + path, headers=viewer)
             if answer.status_code != 403:
@@ -322,7 +322,7 @@ CLASS_PATHS = {"/api/class/hello", "/api/class/join"}
     ("path", "role", "stays"),
     [
         ("/api/unpair", Role.PILOT, False),
-        ("/api/pair", Role.VIEWER, False),  # the browser gets fewer rights
+        ("/api/pair", Role.VIEWER, False),  # the browser loses rights
         ("/api/pair", Role.PILOT, True),
     ],
 )

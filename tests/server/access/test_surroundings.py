@@ -114,7 +114,7 @@ def test_the_watch_looks_again_and_outlives_a_network_that_fails():
     [
         *(("rover.fritz.box", True), ("printer.school.example", True), ("localhost", True)),
         *(("robot_1", True), ("drivelesson", True), ("drivelesson.local", True)),
-        ("10.1.1.1", True),  # any address
+        ("10.1.1.1", True),  # every IP address is accepted
         *(("evil.example", False), ("drivelesson.local.evil.example", False)),
         *(("rover.fritz.box.evil.example", False), ("rover.evil.example", False), ("", False)),
     ],

@@ -103,7 +103,7 @@ def a_pilot_drives_and_another_phone_comes_in_the_middle_of_a_flood(
         assert modes.count("train") > 20, "the robot could not drive during the attack"
         pilot.drive_until(lambda: pilot.state["mode"] == "train")
         pilot.send(type="ping", client_ms=1)
-        pilot.wait_for(lambda m: m["type"] == "pong")  # the pilot's connection was never cut
+        pilot.wait_for(lambda m: m["type"] == "pong")  # the pilot's connection was not cut
     assert came_s, "no phone was served during the attack"
     assert n_ended > 0.9 * (HALF_REQUESTS + IDLE), "pending connections were not closed"
     with capsys.disabled():

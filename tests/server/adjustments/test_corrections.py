@@ -75,7 +75,7 @@ def test_a_correction_that_does_not_apply_is_refused_and_changes_nothing(kept):
 
 
 def test_each_recording_says_how_its_robot_was_corrected(tmp_path):
-    """A recording in progress ends at a change of the corrections."""
+    """A change of the corrections ends the recording in progress."""
     with VirtualServer(data=tmp_path) as server:
         for turn in (0, 180):
             assert put(server, turn_picture=turn).json()["kept"]

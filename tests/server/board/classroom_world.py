@@ -33,7 +33,7 @@ PATIENCE_S = 4.0
 STOP_S = 0.3
 FAULTS = ("none", "slow", "gone", "silent", "half", "nonsense", "wrong key", "no class", "refuses")
 OPEN_FAULTS = ("none", "slow")
-"""Faults of the network through which the board still reaches a robot."""
+"""Network faults in spite of which the board reaches a robot."""
 
 
 class Pupil(ServedWorld):
@@ -67,7 +67,7 @@ class Pupil(ServedWorld):
         return socket
 
     def restart(self) -> None:
-        """Forget all sessions, like a restarted server, whose hub the test starts."""
+        """Forget all sessions, like a restarted server; the test starts the hub."""
         before = self.classroom
         self._begin("Anew", KEY)
         if before is not None and self.classroom is not None:
@@ -195,7 +195,7 @@ class ClassWorld:
     async def ask(
         self, of: Any, method: str, path: str, headers: Mapping[str, str], body: bytes = b""
     ) -> HttpAnswer:
-        """Send a request to a robot, or to another served application with a port."""
+        """Send a request to the robot, or another served application, with this port."""
         place = ServerPlace(RobotAddress("127.0.0.1", of.port), "")
         return await VirtualNetwork({of.port: of}, self.dice).request(
             place, method, path, headers, body
@@ -223,7 +223,7 @@ class ClassWorld:
         )
 
     async def drive_all(self, pupils: list[Pupil]) -> None:
-        """Have each robot drive forward, by a separate phone."""
+        """Have each robot drive forward, each with a phone of its own."""
         for pupil in pupils:
             phone = await pupil.pilot(sees=True)
             await phone.wait_for_state()

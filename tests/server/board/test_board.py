@@ -1,4 +1,4 @@
-"""The board of a class stops every reachable robot at once, and names the others.
+"""The board of a class stops all reachable robots at once, and names the other robots.
 
 test_unverified_robots.py shows that STOP reaches ten robots in time among a thousand others.
 """
@@ -51,7 +51,7 @@ async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_a
     assert named_s < 2 * STOP_S
     assert all(world.link(p).stop.stage is Stopping.STOPPED for p in reached)
     mendable = [p for p in lost if before[p.port] not in ("wrong key", "no class")]
-    await world.clock.pause(12.0)  # while a stop is under way, the board tries again often
+    await world.clock.pause(12.0)  # during a stop, the board retries often
     for pupil in mendable:
         break_down(pupil, "none")
     await world.until(lambda: all(map(latched, mendable)), PATIENCE_S + 0.5, "the robots are back")
@@ -188,8 +188,8 @@ async def test_one_robot_is_stopped_and_no_other_and_shown_as_free_when_a_phone_
 @pytest.mark.parametrize("seed", range(3))
 @in_class_time(robots=1)
 async def test_only_the_board_releases_what_the_board_stopped(world, seed):
-    """Pupils and teacher press STOP and release at random; after each step the rule about the last
-    stop holds."""
+    """Pupils and teacher stop and release at random; after each step, the last STOP decides who may
+    release it."""
     one, link = await world.first()
     phone = await one.pilot(sees=True)
     await phone.wait_for_state()
@@ -257,7 +257,7 @@ async def test_stop_keeps_its_open_connection_while_the_robot_refuses_requests(w
 
 @in_class_time(robots=1)
 async def test_phones_get_the_new_address_of_this_computer_and_its_robots_stay_connected(world):
-    """The teacher's laptop starts without a network, and then changes between two."""
+    """The teacher's laptop starts without a network, and then changes between two networks."""
     one, link = await world.first()
     joined_s, own = link.joined_s, [None]
     world.board.follow_own_address(lambda: own[-1])

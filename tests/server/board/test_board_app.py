@@ -41,7 +41,7 @@ WORDS = (
 
 
 class Served:
-    """The board's application, served like a robot's."""
+    """The board's application, which is served like a robot's."""
 
     def __init__(self, world: ClassWorld) -> None:
         config = Config(port=8080, web=WEB)

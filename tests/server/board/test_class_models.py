@@ -37,8 +37,7 @@ def linked(number: int, port: int, network: Any, clock: VirtualClock) -> RobotLi
 
 
 class Class:
-    """A board with a real robot, a robot that has just disappeared, one that refuses, and one that
-    is away."""
+    """A board with a real robot, and with robots that have disappeared, refuse, or are away."""
 
     def __init__(self, data: Path) -> None:
         self.pairing = Pairing(10)
@@ -174,7 +173,7 @@ GOOD = {
 
 
 class Robots:
-    """Robots that answer like real ones, except that one robot fails in one step."""
+    """Robots that answer like real robots, except that one of them fails in one step."""
 
     def __init__(self, step: str, fault: HttpAnswer | Exception) -> None:
         self.step, self.fault = step, fault

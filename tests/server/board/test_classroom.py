@@ -36,7 +36,7 @@ def test_a_board_with_the_key_gets_a_session_and_knows_the_robot():
 
 @pytest.mark.parametrize("seed", seeds(8, 40))
 def test_only_a_fresh_proof_of_the_same_handshake_is_admitted(seed):
-    """Change one part of a valid handshake, chosen anew for each seed."""
+    """Change one part of a valid handshake; the seed selects the part."""
     dice = random.Random(seed)
     room, mine, now_s = Classroom(KEY), new_nonce(), dice.uniform(0, 1e6)
     nonce, robot_proof = room.challenge(mine, HERE, now_s)

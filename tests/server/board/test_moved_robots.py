@@ -89,7 +89,7 @@ async def test_two_robots_with_the_same_id_have_two_cards_and_both_are_stopped(w
 
 @in_class_time(robots=2, is_told=False)
 async def test_a_robot_that_was_taken_for_moved_is_stopped_and_shown_when_it_answers(world):
-    """A copied SD card: the board sees the second robot only while the first is out of reach."""
+    """An SD card was copied; the board sees the second robot only while it misses the first."""
     one, copy = same_robot(world)
     await world.until_there([one])
     await world.drive_all([one])

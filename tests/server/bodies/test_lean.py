@@ -1,4 +1,4 @@
-"""A lean server never loads the omitted modules, and loads postponed modules at first use."""
+"""A lean server never loads omitted modules, and loads postponed modules when they are used."""
 
 import sys
 

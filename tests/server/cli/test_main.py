@@ -144,7 +144,7 @@ def test_a_reader_that_ends_early_is_not_an_error():
 
 
 def test_the_starting_page_is_shown_before_fastapi_is_imported():
-    """FastAPI and the routes take most of the CPU time of a start."""
+    """Importing FastAPI and the routes takes most of the CPU time of a start."""
     program = """
 import sys
 from server.cli.main import make_parser

@@ -79,7 +79,7 @@ def _check_a_start_that_fails(words: list[str], folder: Path) -> None:
 
 
 def _check_a_drive(folder: Path) -> None:
-    """Drive, record and save with this server, lose its camera, read every address, and end it."""
+    """Drive, record and save with a server, lose its camera, read all addresses, and end it."""
     with MjpegServer() as camera:
         source = camera.address.replace("http://", f"http://user:{SECRET}@")
         words = ("-v", "--robot", "sim", "--camera", "mjpeg", "--source", source)

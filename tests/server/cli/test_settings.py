@@ -46,8 +46,7 @@ def test_a_file_is_utf_8_on_every_system(tmp_path):
         file = tmp_path / f"{number:02}.toml"
         file.write_bytes(f'name = "{name}"{end}port = 8001{end}'.encode(encoding))
         assert read_settings(file, {}).flags == {"name": name, "port": 8001}, cases[number]
-    # Python's default encoding differs on Windows; here a C locale without UTF-8 mode simulates
-    # this.
+    # A C locale without UTF-8 mode simulates Windows, where Python's default encoding differs.
     program = f"""
 from pathlib import Path
 from server.cli.settings import read_settings

@@ -1,4 +1,4 @@
-"""The fields of a state message, for all sensors of a body."""
+"""The fields of a state message, with all sensors of a body."""
 
 import math
 from dataclasses import replace
@@ -48,7 +48,7 @@ def test_found_devices_are_reported_and_a_plug_ins_own_attribute_is_not():
 def test_a_pictures_age_is_reported_and_the_part_of_it_on_a_brick():
     clock = VirtualClock()
     camera = FakeCamera(clock, age_s=0.05)
-    camera.source_age_s = 0.03  # measured at the brick; its link adds the rest
+    camera.source_age_s = 0.03  # the brick measures this part; its link adds the rest
 
     async def told() -> dict[str, float]:
         async with ServedWorld(clock, camera=camera) as world:

@@ -1,4 +1,4 @@
-"""Which pictures the page and players get, when, and how large."""
+"""Which pictures the page and players get, when they get them, and in which size."""
 
 import asyncio
 import contextlib
@@ -160,7 +160,7 @@ async def test_pictures_stay_fresh_on_every_link_and_all_arrive_that_it_can_carr
         ("fast again", LinkConditions(delay_s=0.005), 290, 0.02),
     ):
         world.link.conditions = conditions
-        await world.forward(10.0)  # the server learns what the link can carry
+        await world.forward(10.0)  # meanwhile, the server learns what the link can carry
         ages_s.clear()
         await world.forward(10.0)
         assert len(ages_s) >= least, (what, len(ages_s))
@@ -242,7 +242,7 @@ class _Screen:
 
 
 def show(screens: Sequence[_Screen], count: int) -> tuple[VideoHub, list[int]]:
-    """Show frames; return the hub, and the ids of the frames whose larger picture it wanted."""
+    """Show frames; return the hub, and the ids of the frames of which it wanted larger pictures."""
     clock, wanted = VirtualClock(), list[int]()
 
     def for_the_eye(frame: Frame) -> Frame:

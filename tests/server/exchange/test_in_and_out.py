@@ -159,7 +159,7 @@ def test_an_export_under_a_wrong_name_is_refused_before_anything_is_read(
     episode_id, monkeypatch, say
 ):
     def refuse(*_: object) -> None:
-        raise AssertionError("it was read")
+        raise AssertionError("the file must not be read")
 
     monkeypatch.setattr("server.recordings.selection.open_episode", refuse)
     for words in (

@@ -1,4 +1,4 @@
-"""The log on the terminal delays no other thread, and no client can forge a line in it."""
+"""The terminal's log delays no other thread, and no client can forge a line in the log."""
 
 import io
 import logging

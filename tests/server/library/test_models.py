@@ -188,8 +188,7 @@ def test_download_and_upload(bench):
 
 
 def test_what_cannot_be_done_changes_nothing(bench, tmp_path):
-    """Each refusal has its status. tests/server/test_hostile_values.py tests other invalid
-    values."""
+    """Each refusal has its status; tests/server/test_hostile_values.py tests other values."""
     bench.server.teach(5)
     bench.client.post("/api/models/save")
     before = everything(tmp_path)

@@ -1,4 +1,4 @@
-"""Over HTTP, the recordings of a robot are listed, shown, edited, deleted and restored."""
+"""A robot's recordings are listed, shown, edited, deleted and restored over HTTP."""
 
 import httpx
 import pytest

@@ -1,4 +1,4 @@
-"""A client gets the robot's path in parts over HTTP."""
+"""A client gets the robot's path in parts, over HTTP."""
 
 from typing import Any
 

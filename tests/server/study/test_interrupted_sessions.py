@@ -36,7 +36,7 @@ CHANGES_THE_MODEL = (
 
 
 class Loading(Persistence):
-    """Loads the last model at its start, as `drivelesson serve` does before it serves."""
+    """A server that loads the last model at its start, like `drivelesson serve`."""
 
     def start(self) -> None:
         super().start()
@@ -206,8 +206,7 @@ def test_a_session_cannot_be_left_while_its_events_cannot_be_written(tmp_path, m
 def test_a_request_sent_twice_at_once_is_done_once_and_every_page_learns_of_it(
     tmp_path, monkeypatch
 ):
-    """In an earlier version, answers from two devices skipped a condition, and one start counted
-    twice."""
+    """In an earlier version, two devices could skip a condition, and a start could count twice."""
 
     def twice(act):
         refused: list[str] = []

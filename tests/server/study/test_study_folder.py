@@ -1,5 +1,4 @@
-"""Stored studies survive damaged logs and participants who withdraw; `drivelesson study` reads
-them."""
+"""Stored studies survive damaged logs and withdrawals, and `drivelesson study` reads them."""
 
 import errno
 import unicodedata
@@ -155,8 +154,7 @@ def test_an_event_whose_write_failed_is_not_written_twice(tmp_path, monkeypatch)
 def test_a_question_with_the_name_of_another_column_is_refused_in_a_new_plan(
     tmp_path, capsys, name
 ):
-    """In an earlier version, the answers to such a question replaced the column's own content: a
-    score or the participant's code."""
+    """In an earlier version, the answers to such a question replaced the column's own content."""
     text = f'{PLAN}[[question]]\nname = "{name}"\ntext = "Well?"\n'
     plan = tmp_path / "plan.toml"
     plan.write_text(text)

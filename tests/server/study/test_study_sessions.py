@@ -1,5 +1,4 @@
-"""Sessions of a study over HTTP, in virtual time, with their phases, questions, places and
-refusals.
+"""Sessions of a study over HTTP, in virtual time: phases, questions, slots and refusals.
 
 tests/e2e/test_study.py runs a whole study, from the plan to its table.
 """

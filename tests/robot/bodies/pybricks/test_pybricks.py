@@ -1,4 +1,4 @@
-"""Runs the hub's program on Debian's micropython, and the driver over a stand-in for Bluetooth."""
+"""The hub's program on Debian's micropython, and the driver over a stand-in for Bluetooth."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Runs the sample firmware on Debian's micropython; it is driven, killed, frozen, flooded and
-attacked."""
+"""The sample firmware on Debian's micropython is driven, killed, frozen, flooded and attacked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Orders and reports in JSON and as words of one line, and robots that answer late or not obey."""
+"""Orders and reports in JSON and as words of one line, and robots that are late or do not obey."""
 
 from __future__ import annotations
 

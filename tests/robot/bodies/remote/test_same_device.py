@@ -30,7 +30,7 @@ HISTORIES = size("TWINS", 80, 5000)
 
 
 class Hubs:
-    """Pybricks hubs in range, each with its current name, as `bleak` shows them."""
+    """The Pybricks hubs in range, each with its current name, like `bleak`."""
 
     names = ("Pybricks Hub", "Pybricks Hub", "Anna", "")
 

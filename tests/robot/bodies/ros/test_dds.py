@@ -45,7 +45,7 @@ VALUES: dict[str, Any] = {"int32": -7, "uint32": 9, "uint8": 3, "float32": 0.5, 
 
 
 def example(store: Any, kind: str) -> Any:
-    """Make a message of a type as rosbags has it, each field with another value."""
+    """Make a rosbags message of this type, with another value in each field."""
 
     def value(form: Any) -> Any:
         node, details = form
@@ -62,7 +62,7 @@ def example(store: Any, kind: str) -> Any:
 
 
 def plain(message: Any) -> Any:
-    """Return the fields of a message of rosbags."""
+    """Return the fields of a rosbags message."""
     if hasattr(message, "__dataclass_fields__"):
         names = [name for name in message.__dataclass_fields__ if name != "__msgtype__"]
         return {name: plain(getattr(message, name)) for name in names}

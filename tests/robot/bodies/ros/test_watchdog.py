@@ -1,4 +1,4 @@
-"""Which orders the watchdog of a ROS robot passes on, and for how long, in virtual time."""
+"""Which orders a ROS robot's watchdog forwards, and for how long, in virtual time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STANDS_S = 0.5
 
 
 class Robot:
-    """A base that continues with its last velocity forever."""
+    """A base that keeps its last velocity forever."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self.clock = clock

@@ -1,4 +1,4 @@
-"""Stands in for a robot's topics, for tests in virtual time without a bridge."""
+"""A stand-in for a robot's topics, for tests in virtual time without a bridge."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robot.bodies.ros.topics import Topics
 
 
 class HeldTopics(Topics):
-    """Keeps what is published; the test sets `silent_s` and `refusal`, and calls `on_message`."""
+    """Stores published messages; the test sets `silent_s` and `refusal`, and calls `on_message`."""
 
     silent_s, refusal = 0.0, ""
     advertised: dict[str, str]

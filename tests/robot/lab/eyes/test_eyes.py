@@ -1,4 +1,4 @@
-"""The features of a pretrained vision network, and the learner that drives by them."""
+"""The features of a pretrained vision network, and a learner that uses them."""
 
 import numpy as np
 import pytest

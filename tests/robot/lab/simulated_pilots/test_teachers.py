@@ -33,7 +33,7 @@ def situation(
     doing: Action = F,
     x_m: float = 0.0,
 ) -> Situation:
-    """A straight wall `wall_m` ahead of the body's edge, turned by `slant_deg` from square."""
+    """A straight wall, `wall_m` ahead of the body's edge, slanted by `slant_deg`."""
     slant_rad = math.radians(slant_deg)
     to_wall = (wall_m + RADIUS_M) * math.cos(slant_rad)
     towards = np.cos(FAN_RAD - slant_rad)

@@ -38,7 +38,7 @@ MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 
 
 class Disk:
-    """A disk that a test can fill up."""
+    """A disk that a test can fill."""
 
     is_full = False
 

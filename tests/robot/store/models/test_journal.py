@@ -106,7 +106,7 @@ def test_every_learner_survives_a_round_trip(tmp_path, learner, seed):
             op = rng.choice(("teach", "teach", "teach", "drive", "undo", "edit", "save", "write"))
             getattr(life, op)()
         life.write()
-        life.policy.reset()  # each start of the program begins a drive
+        life.policy.reset()  # each start of the program begins a new drive
         expected = life.state()
         life.die()
 
@@ -140,7 +140,7 @@ def test_after_the_last_image_was_deleted_the_next_start_has_none(tmp_path, lear
 
 @pytest.mark.parametrize("seed", seeds(2, 5))
 def test_runs_too_short_for_the_journal_lose_nothing_that_was_saved(tmp_path, seed):
-    """Each start is killed before its journal's thread has had a turn, after some saves."""
+    """Each run is killed after some saves, before its journal's thread has run."""
     rng = random.Random(seed)
     life = Life(tmp_path, [0.0], rng)
     for op in (life.teach, life.write, life.teach, life.save):
@@ -220,8 +220,8 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
 
 @crossed(how=["remove", "empty", "cut", "rubbish"], seed=range(5))
 def test_if_both_files_of_a_part_are_lost_the_saved_model_is_used(tmp_path, seed, how):
-    """If only saved models are left, changes since the last save may be lost, but no older state
-    returns."""
+    """If only saved models are left, changes since the last save may be lost, but no older model
+    may be loaded."""
     rng = random.Random(seed)
     life = Life(tmp_path, [0.0], rng)
     for op in ("teach", "teach", "write", "edit", "undo", "teach", "write"):

@@ -86,7 +86,7 @@ def test_a_description_of_another_form_is_refused_and_pickles_are_never_opened(m
 
 def test_a_model_of_an_unknown_learner_is_refused():
     model = deepcopy(some_model())
-    object.__setattr__(model.summary, "learner", "multi-place-7")  # of 0.2
+    object.__setattr__(model.summary, "learner", "multi-place-7")  # from version 0.2
     said = r"learner .multi-place-7. cannot be opened: unknown learner .multi-place-7.; choose "
     with pytest.raises(RecordingError, match=said):
         decode_model(encode_model(model)).to_policy()
