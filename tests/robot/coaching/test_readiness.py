@@ -241,7 +241,7 @@ def test_a_robot_that_was_carried_to_another_place_shows_again_that_it_is_ready(
 
 
 @crossed(novelty=[HARDLY_KNOWN, 1.0, 2.0], share=[0.1, 0.3, 1.0])
-def test_hardly_known_views_delay_readiness_but_never_forever(novelty, share):
+def test_hardly_known_views_delay_readiness_by_a_finite_time(novelty, share):
     drive = taught()
     for _ in range(100):
         drive.alone(1.0 - share)

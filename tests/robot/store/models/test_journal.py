@@ -95,7 +95,7 @@ def test_written_changes_survive_ten_kills_and_damage_and_undone_ones_do_not(tmp
 
 
 @crossed(learner=installed("default-6", "fair-knn-3"), seed=seeds(2, 4))
-def test_every_learner_survives_a_round_trip(tmp_path, learner, seed):
+def test_every_learner_is_restored_after_a_kill(tmp_path, learner, seed):
     rng = random.Random(seed)
     expected = None
     for _ in range(5):
@@ -112,7 +112,7 @@ def test_every_learner_survives_a_round_trip(tmp_path, learner, seed):
 
 
 @crossed(saves=[False, True], seed=seeds(2, 4))
-def test_a_body_with_its_own_moves_survives_a_round_trip(tmp_path, seed, saves):
+def test_the_moves_of_a_body_are_restored_after_a_kill(tmp_path, seed, saves):
     rng = random.Random(seed)
     steered = {f"steer_{i}": rng.choice((-0.8, -0.2, 0.0, 0.2, 0.8)) for i in range(4)}
     own = tuple(Move(Action(n), steering=s, throttle=0.5) for n, s in steered.items())
