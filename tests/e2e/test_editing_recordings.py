@@ -41,7 +41,7 @@ def test_a_recording_is_named_protected_cut_relabelled_and_split_on_the_page(
     for label in ("Time", "From", "To"):
         spoken = phone.get_by_label(label, exact=True).get_attribute("aria-valuetext")
         assert spoken and " s" in spoken, f"a screen reader reads {label} in seconds"
-    it_is_named_and_protected(phone, store, episode_id)
+    the_recording_is_named_and_protected(phone, store, episode_id)
 
     def edit(text: str, edits: int) -> None:
         """Press, and wait until the page has drawn the recording with this number of edits."""
@@ -80,7 +80,7 @@ def test_a_recording_is_named_protected_cut_relabelled_and_split_on_the_page(
     assert [i for i in ids if not store.notes(first).is_deleted(i)] == ids[:20]
 
 
-def it_is_named_and_protected(phone: Any, store: Any, episode_id: str) -> None:
+def the_recording_is_named_and_protected(phone: Any, store: Any, episode_id: str) -> None:
     phone.get_by_label("Title", exact=True).fill("Round the table")
     phone.locator("article").get_by_role("button", name="Save").tap()
     phone.locator("article h3", has_text="Round the table").wait_for()

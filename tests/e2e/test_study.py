@@ -85,17 +85,17 @@ def test_a_study_from_the_plan_to_its_table(
 ) -> None:
     phone.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
     before = httpx.get(f"{world.address}/api/models").json()
-    a_plan_is_refused_mended_and_made(phone, tmp_path / "walk.toml")
+    a_plan_is_refused_corrected_and_created(phone, tmp_path / "walk.toml")
     phone.get_by_label("Participant’s code").fill("p01")
     phone.get_by_role("button", name="Begin the session").click()
     phone.get_by_role("button", name="I agree").wait_for()
-    it_fits_and_is_accessible(phone)
+    the_screen_fits_and_is_accessible(phone)
     phone.get_by_role("button", name="I agree").click()
     given = []
     for part in (1, 2):
         phone.get_by_role("heading", name=f"Part {part} of 2").wait_for()
         if part == 1:
-            it_fits_and_is_accessible(phone)
+            the_screen_fits_and_is_accessible(phone)
         phone.get_by_role("button", name="Begin", exact=True).click()
         the_phases_are_driven(phone, world)
         phone.locator(".notice button", has_text="Answer").click()
@@ -106,7 +106,7 @@ def test_a_study_from_the_plan_to_its_table(
     phone.get_by_role("heading", name="Participants", exact=True).wait_for()
     # the page was reloaded
     phone.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
-    it_fits_and_is_accessible(phone)
+    the_screen_fits_and_is_accessible(phone)
     assert httpx.get(f"{world.address}/api/models").json()["models"] == before["models"]
 
     with phone.expect_download() as waiting:
@@ -127,7 +127,7 @@ def test_a_study_from_the_plan_to_its_table(
             assert row["driven_s"] == row["planned_s"] and row["recordings"]
 
 
-def a_plan_is_refused_mended_and_made(page: Any, plan: Path) -> None:
+def a_plan_is_refused_corrected_and_created(page: Any, plan: Path) -> None:
     page.evaluate("location.hash = 'study'")
     page.get_by_label("Name of the study").fill("walk")
     page.get_by_label("A new study").select_option("plan")
@@ -166,7 +166,7 @@ def the_questions_are_answered(page: Any, world: World, *, by_keyboard: bool) ->
     send = page.get_by_role("button", name="Send the answers")
     send.wait_for()
     if by_keyboard:
-        it_fits_and_is_accessible(page)
+        the_screen_fits_and_is_accessible(page)
     form = page.locator("study-screen form")
     sliders, groups = form.get_by_role("slider").all(), form.locator("fieldset:has(.points)").all()
     assert (len(sliders), len(groups)) == (6, 4)
@@ -218,7 +218,7 @@ def the_result_is_drawn(page: Any) -> None:
         page.locator(f"study-screen .map .way.{who}[d^=M]").first.wait_for(state="attached")
 
 
-def it_fits_and_is_accessible(page: Any) -> None:
+def the_screen_fits_and_is_accessible(page: Any) -> None:
     """Check the layout of the current screen, with all parts open, at several sizes."""
     page.locator("study-screen button, study-screen a.button").first.wait_for()
     for summary in page.locator("study-screen details:not([open]) summary").all():

@@ -62,22 +62,22 @@ def the_images_are_those_of_the_model_in_use(page: Any, world: World) -> None:
 def test_the_page_shows_changes_and_undoes_what_was_taught(phone: Any, world: World) -> None:
     missing: list[str] = []
     phone.on("response", lambda r: missing.append(r.url) if r.status >= 400 else None)
-    the_speed_that_was_set_is_the_speed_that_is_driven(phone, world)
+    the_robot_drives_at_the_chosen_speed(phone, world)
     teach(phone, world, "forward", "left")
-    what_the_pilot_says_of_the_teaching_counts_until_it_is_taken_back(phone, world)
-    a_relabelled_image_changes_what_the_robot_would_do_there(phone, world)
+    the_pilots_statements_count_until_they_are_withdrawn(phone, world)
+    a_relabelled_image_changes_the_prediction(phone, world)
     the_images_are_those_of_the_model_in_use(phone, world)
     assert missing == [], "the page requested addresses that do not exist"
-    a_model_is_renamed_copied_and_another_one_begun(phone, world)
+    a_model_is_renamed_and_copied_and_a_new_one_begun(phone, world)
     show(phone, "drive")
     teach(phone, world, "left", frames_each=8)
     the_images_are_those_of_the_model_in_use(phone, world)
-    what_is_undone_is_what_was_shown(phone, world)
-    what_it_knew_comes_back_and_so_does_what_was_deleted(phone, world)
+    undo_removes_the_shown_examples(phone, world)
+    an_earlier_and_a_deleted_model_are_restored(phone, world)
     another_place_is_chosen_and_drawn(phone, world)
 
 
-def the_speed_that_was_set_is_the_speed_that_is_driven(phone: Any, world: World) -> None:
+def the_robot_drives_at_the_chosen_speed(phone: Any, world: World) -> None:
     show(phone, "settings")
     phone.get_by_role("slider", name="Speed").fill("50")
     wait_until(lambda: world.rig.loop.speed_share == 0.5, "the speed is set")
@@ -89,9 +89,7 @@ def the_speed_that_was_set_is_the_speed_that_is_driven(phone: Any, world: World)
     fingers.lift()
 
 
-def what_the_pilot_says_of_the_teaching_counts_until_it_is_taken_back(
-    phone: Any, world: World
-) -> None:
+def the_pilots_statements_count_until_they_are_withdrawn(phone: Any, world: World) -> None:
     def outdated_before() -> int:
         return int(params_of(world)["learner"]["outdated_before"])
 
@@ -107,7 +105,7 @@ def what_the_pilot_says_of_the_teaching_counts_until_it_is_taken_back(
     wait_until(lambda: not params_of(world)["alike"], "left and right differ again")
 
 
-def a_relabelled_image_changes_what_the_robot_would_do_there(phone: Any, world: World) -> None:
+def a_relabelled_image_changes_the_prediction(phone: Any, world: World) -> None:
     def prediction() -> Prediction:
         now = world.rig.loop.state.prediction
         assert now is not None
@@ -125,7 +123,7 @@ def a_relabelled_image_changes_what_the_robot_would_do_there(phone: Any, world: 
     wait_until(lambda: votes_for_right() < 0.05, "the relabelling is undone")
 
 
-def what_is_undone_is_what_was_shown(phone: Any, world: World) -> None:
+def undo_removes_the_shown_examples(phone: Any, world: World) -> None:
     lessons = world.lessons
     show(phone, "undo")
     phone.locator("undo-screen .strip [role=listitem]").first.wait_for()
@@ -135,7 +133,7 @@ def what_is_undone_is_what_was_shown(phone: Any, world: World) -> None:
     wait_until(lambda: world.lessons < lessons, "the newest examples are gone")
 
 
-def a_model_is_renamed_copied_and_another_one_begun(phone: Any, world: World) -> None:
+def a_model_is_renamed_and_copied_and_a_new_one_begun(phone: Any, world: World) -> None:
     show(phone, "home")
     phone.get_by_role("button", name="More about Rover").tap()
     phone.get_by_label("Name").fill("Kitchen")
@@ -149,7 +147,7 @@ def a_model_is_renamed_copied_and_another_one_begun(phone: Any, world: World) ->
     wait_until(lambda: world.lessons == 0, "the robot has no examples")
 
 
-def what_it_knew_comes_back_and_so_does_what_was_deleted(phone: Any, world: World) -> None:
+def an_earlier_and_a_deleted_model_are_restored(phone: Any, world: World) -> None:
     lessons = world.lessons
     show(phone, "home")
     phone.get_by_role("button", name="More about Kitchen", exact=True).tap()

@@ -175,12 +175,12 @@ def test_every_way_of_letting_go_stops_the_robot(
         assert said == [[None, event]], f"{name}: the page lets go once and holds no more"
         phone.evaluate(SET_HIDDEN, False)
         if not fingers.are_lifted:
-            what_is_still_held_must_be_held_anew(phone, world, fingers, by, name)
+            a_held_input_needs_a_new_touch(phone, world, fingers, by, name)
     if phone is not None:
         steer_by(phone, "moves")
 
 
-def what_is_still_held_must_be_held_anew(
+def a_held_input_needs_a_new_touch(
     phone: Any, world: World, fingers: Fingers, by: str, name: str
 ) -> None:
     phone.evaluate("location.hash = 'drive'")

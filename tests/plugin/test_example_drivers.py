@@ -21,7 +21,7 @@ from tests.plugin.environment import imported
 EXAMPLES = Path(__file__).parents[2] / "docs/examples"
 
 
-def check_its_package_and_the_contract(name: str, kit: Any) -> None:
+def check_the_package_and_the_contract(name: str, kit: Any) -> None:
     """tests/plugin/test_third_party.py runs the suite as the author of a package does."""
     project = tomllib.loads((EXAMPLES / name / "pyproject.toml").read_text("utf-8"))["project"]
     made = {name: f"drivelesson_{name}:{name.capitalize()}Driver"}
@@ -49,7 +49,7 @@ def check_each_autopilot_gets_its_own_numbers_and_timeout(kit: Any, module: Any,
         wait_until(lambda: not body.is_armed)
 
 
-def check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit: Any, module: Any) -> None:
+def check_arming_and_the_rovers_own_refusal(kit: Any, module: Any) -> None:
     with kit.rover(may_arm=False) as body:
         with pytest.raises(DriveError, match=r"ARM_DISARM: MAV_RESULT_FAILED.*PreArm: no GPS"):
             module.RoverDriver(
@@ -68,9 +68,7 @@ def check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit: Any, mo
             wait_until(lambda: body.drives().throttle > 0)
 
 
-def check_a_rover_that_was_cut_off_is_disarmed_at_the_end_all_the_same(
-    kit: Any, module: Any
-) -> None:
+def check_a_lost_rover_is_disarmed_at_the_end(kit: Any, module: Any) -> None:
 
     def answers() -> bool:
         with contextlib.suppress(DriveError):
@@ -102,14 +100,14 @@ def test_a_rover_and_a_thymio_keep_the_contract_on_their_real_lines() -> None:
     for library in ("pymavlink", "tdmclient"):
         pytest.importorskip(library)
     with imported(EXAMPLES / "rover", "conftest", "drivelesson_rover") as (kit, module):
-        check_its_package_and_the_contract("rover", kit)
+        check_the_package_and_the_contract("rover", kit)
         for name in ("ArduPilot", "PX4"):
             check_each_autopilot_gets_its_own_numbers_and_timeout(kit, module, name)
-        check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit, module)
-        check_a_rover_that_was_cut_off_is_disarmed_at_the_end_all_the_same(kit, module)
+        check_arming_and_the_rovers_own_refusal(kit, module)
+        check_a_lost_rover_is_disarmed_at_the_end(kit, module)
         check_an_autopilot_without_the_parameter_is_named(kit, module)
     with imported(EXAMPLES / "thymio", "conftest", "drivelesson_thymio") as (kit, module):
-        check_its_package_and_the_contract("thymio", kit)
+        check_the_package_and_the_contract("thymio", kit)
         manager = kit.Manager()
         manager.node.status = 3
         options = module.ThymioOptions(thymio_manager=manager.address, thymio_speed=500)

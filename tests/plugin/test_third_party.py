@@ -51,10 +51,12 @@ def test_the_howto_works_as_written_and_its_robot_is_served_and_taught(tmp_path:
     assert len((package / "drivelesson_wheely.py").read_text().splitlines()) <= 75
     assert re.search(r"\b[12][0-9] passed in", printed), printed
     assert "skipped" not in printed and "failed" not in printed
-    it_is_served_and_taught(environment, package, tmp_path / "served")
+    the_new_robot_is_served_and_taught(environment, package, tmp_path / "served")
 
 
-def it_is_served_and_taught(environment: OwnEnvironment, package: Path, folder: Path) -> None:
+def the_new_robot_is_served_and_taught(
+    environment: OwnEnvironment, package: Path, folder: Path
+) -> None:
     with (
         imported(package, "conftest", "drivelesson_wheely") as (kit, _),
         kit.stand_in() as robot,

@@ -18,7 +18,7 @@ from robot.store.models.store import ModelStore
 from tests.kit.run import run
 from tests.kit.served import Served, served
 from tests.kit.sizes import IS_FULL
-from tests.robot.store.models.test_journal import check_a_disk_whose_flush_hangs_holds_up_no_record
+from tests.robot.store.models.test_journal import check_a_disk_whose_flush_hangs_delays_no_record
 
 from .live_robot import Pilot
 
@@ -46,8 +46,8 @@ def test_taught_examples_survive_every_kind_of_end(tmp_path, monkeypatch):
         ruin(folder)
     with served(folder, "--name", "sim") as server:
         if os.name != "nt":
-            it_says_what_it_moved_and_serves(server, folder)
-        a_second_server_leaves_the_folder_of_the_first_alone(server, folder)
+            the_server_reports_moved_files_and_serves(server, folder)
+        a_second_server_does_not_touch_the_folder_of_the_first(server, folder)
         assert teach(server, 5) == 0
         server.process.kill()
     ends = [signal.SIGTERM, signal.SIGINT]
@@ -55,9 +55,9 @@ def test_taught_examples_survive_every_kind_of_end(tmp_path, monkeypatch):
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         ends.append(signal.SIGHUP)  # like a terminal window that is closed
     for end in ends if IS_FULL else ends[:1]:
-        it_ends_with_everything_saved_and_goes_on_from_there(folder, end)
+        the_server_saves_all_at_its_end_and_continues_from_there(folder, end)
     (tmp_path / "hung").mkdir()
-    check_a_disk_whose_flush_hangs_holds_up_no_record(tmp_path / "hung", monkeypatch)
+    check_a_disk_whose_flush_hangs_delays_no_record(tmp_path / "hung", monkeypatch)
 
 
 def ruin(folder: Path) -> None:
@@ -70,7 +70,7 @@ def ruin(folder: Path) -> None:
     (folder / NOT_OURS).write_bytes(b"x")
 
 
-def it_says_what_it_moved_and_serves(server: Served, folder: Path) -> None:
+def the_server_reports_moved_files_and_serves(server: Served, folder: Path) -> None:
     assert httpx.get(server.address + "/healthz").status_code == 200
     assert httpx.get(server.address + "/api/models").json()["models"] == []
     assert httpx.get(server.address + "/api/episodes").json()["episodes"] == []
@@ -81,14 +81,16 @@ def it_says_what_it_moved_and_serves(server: Served, folder: Path) -> None:
     assert (folder / NOT_OURS).read_bytes() == b"x", "unknown files stay"
 
 
-def a_second_server_leaves_the_folder_of_the_first_alone(first: Served, folder: Path) -> None:
+def a_second_server_does_not_touch_the_folder_of_the_first(first: Served, folder: Path) -> None:
     second = run(sys.executable, "-m", "server", "--port", "0", "--data", folder, timeout=60)
     assert second.returncode == 1
     assert f"process {first.process.pid}" in second.stderr and "--data" in second.stderr
     assert len(second.stderr.strip().splitlines()) == 1
 
 
-def it_ends_with_everything_saved_and_goes_on_from_there(folder: Path, end: signal.Signals) -> None:
+def the_server_saves_all_at_its_end_and_continues_from_there(
+    folder: Path, end: signal.Signals
+) -> None:
     """The server's end does not wait for unfinished requests."""
     with served(folder, "--name", "sim") as server:
         before = teach(server, 20)

@@ -122,14 +122,12 @@ def test_a_message_that_is_read_late_was_sent_when_the_robot_says():
 
 @pytest.mark.realtime
 def test_an_order_needs_the_wheel_and_a_fresh_proof_or_is_refused(server, monkeypatch, caplog):
-    without_the_wheel_it_does_not_begin(server, monkeypatch)
-    an_order_waits_for_a_proof_that_is_young_enough(server, monkeypatch)
-    what_the_server_refuses_is_read_and_said_once_a_second(server, caplog)
+    without_the_wheel_the_line_does_not_begin(server, monkeypatch)
+    an_order_waits_for_a_fresh_proof(server, monkeypatch)
+    a_refusal_is_reported_once_a_second(server, caplog)
 
 
-def an_order_waits_for_a_proof_that_is_young_enough(
-    server: LiveServer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def an_order_waits_for_a_fresh_proof(server: LiveServer, monkeypatch: pytest.MonkeyPatch) -> None:
     with line_to(server) as line:
         line.begin()
         with monkeypatch.context() as held_up:
@@ -151,7 +149,7 @@ def an_order_waits_for_a_proof_that_is_young_enough(
         pytest.fail("the order was never sent again")
 
 
-def without_the_wheel_it_does_not_begin(
+def without_the_wheel_the_line_does_not_begin(
     server: LiveServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as hasty, Pilot(server.ws("/ws/drive"), sees=True) as pilot:
@@ -166,7 +164,7 @@ def without_the_wheel_it_does_not_begin(
         pilot.drive_until(lambda: server.driver.now is Action.FORWARD)
 
 
-def what_the_server_refuses_is_read_and_said_once_a_second(
+def a_refusal_is_reported_once_a_second(
     server: LiveServer, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.clear()

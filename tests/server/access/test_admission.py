@@ -79,7 +79,7 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
     @rule(
         address=st.sampled_from(ADDRESSES), person=st.sampled_from(PROTECTED), lasts=st.booleans()
     )
-    def who_drives_stops_or_comes_back(self, address: str, person: str, lasts: bool) -> None:
+    def a_protected_person_is_always_admitted(self, address: str, person: str, lasts: bool) -> None:
         """Whatever happened before, a new connection is accepted, and stays open until the server
         reads it."""
         self.arrive(address, 1)
@@ -87,10 +87,10 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
         self._ask(peer, person, lasts=lasts)
         assert peer in self.connections
         if lasts:
-            assert self.connections[peer] == person, "an idle connection is evicted at once"
+            assert self.connections[peer] == person, "the websocket is served at once"
 
     @invariant()
-    def the_books_agree(self) -> None:
+    def the_counts_agree(self) -> None:
         assert len(self.admission.connections) == len(self.connections) <= CAPACITY
         pending = [peer for peer, person in self.connections.items() if person is None]
         assert self.admission.pending.taken == len(pending) <= LIMITS.pending

@@ -32,14 +32,18 @@ def test_an_invalid_address_to_serve_on_is_named_in_the_error(host):
 @pytest.mark.realtime
 def test_a_listener_counts_evicts_and_refuses_while_others_are_served():
     listening(a_connection_is_counted_from_accept_to_close)
-    listening(an_evicted_connection_sees_the_end, pending_per_address=1)
+    listening(an_evicted_connection_is_closed, pending_per_address=1)
     listening(a_reused_port_is_counted_again)
     for number in (errno.EMFILE, errno.ENFILE):
-        listening(lambda listener, no=number: without_descriptors_it_turns_away(listener, no))
-    listening(what_has_come_is_read_before_it_is_pushed_out, pending=40)
-    listening(a_stop_is_handed_on_first_and_of_one_person_a_share, connections_each=8)
+        listening(
+            lambda listener, no=number: without_descriptors_the_listener_closes_new_connections(
+                listener, no
+            )
+        )
+    listening(a_request_that_has_arrived_is_read_before_its_eviction, pending=40)
+    listening(a_stop_goes_first_and_each_person_has_a_share, connections_each=8)
     if sys.platform == "linux":  # only Linux reports the window's size
-        what_a_client_has_not_read_is_known_though_its_system_has_taken_it()
+        the_bytes_that_a_client_has_not_read_are_known()
 
 
 def listening(scenario: Callable[[AdmissionListener], None], **limits: int) -> None:
@@ -89,7 +93,7 @@ def a_connection_is_counted_from_accept_to_close(listener: AdmissionListener) ->
     _close(connection, client)
 
 
-def an_evicted_connection_sees_the_end(listener: AdmissionListener) -> None:
+def an_evicted_connection_is_closed(listener: AdmissionListener) -> None:
     clients = _connect(listener, 2)
     accepted = _accept_all(listener)
     with contextlib.suppress(ConnectionResetError):
@@ -117,7 +121,9 @@ def a_reused_port_is_counted_again(listener: AdmissionListener) -> None:
     held[-1].close()
 
 
-def without_descriptors_it_turns_away(listener: AdmissionListener, number: int) -> None:
+def without_descriptors_the_listener_closes_new_connections(
+    listener: AdmissionListener, number: int
+) -> None:
     """The listener does not loop forever, either."""
     real, failures = socket.socket.accept, iter([True, False, True, False])
 
@@ -135,7 +141,7 @@ def without_descriptors_it_turns_away(listener: AdmissionListener, number: int) 
     _close(*clients)
 
 
-def what_has_come_is_read_before_it_is_pushed_out(listener: AdmissionListener) -> None:
+def a_request_that_has_arrived_is_read_before_its_eviction(listener: AdmissionListener) -> None:
     clients, rounds = _connect(listener, 100), []
     for _ in range(9):
         listener.clock.advance(1.0)  # a busy computer needs this time
@@ -145,7 +151,7 @@ def what_has_come_is_read_before_it_is_pushed_out(listener: AdmissionListener) -
     _close(*clients, *rounds[0], *rounds[-1])
 
 
-def a_stop_is_handed_on_first_and_of_one_person_a_share(listener: AdmissionListener) -> None:
+def a_stop_goes_first_and_each_person_has_a_share(listener: AdmissionListener) -> None:
     clients = _connect(listener, 51)
     for client in clients[:40]:
         client.sendall(b"GET / HTTP/1.1\r\ncookie: greedy\r\n\r\n")
@@ -168,7 +174,7 @@ def a_stop_is_handed_on_first_and_of_one_person_a_share(listener: AdmissionListe
     _close(*clients, *accepted)
 
 
-def what_a_client_has_not_read_is_known_though_its_system_has_taken_it() -> None:
+def the_bytes_that_a_client_has_not_read_are_known() -> None:
     listener, client = socket.create_server(("127.0.0.1", 0)), socket.socket()
     # until the viewer's window stops growing
     client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65_536)

@@ -29,13 +29,13 @@ FLOOD = [sys.executable, "-m", "tests.server.access.floods"]
 def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(capsys, tmp_path):
     log = tmp_path / "log"
     with lan_process(log) as server:
-        who_takes_all_places_holds_up_no_stop(server, capsys)
+        a_client_that_takes_all_slots_delays_no_stop(server, capsys)
         logged = log.stat().st_size
-        a_pilot_drives_and_another_phone_comes_in_the_middle_of_a_flood(server, capsys)
+        a_pilot_drives_and_a_new_phone_is_served_during_a_flood(server, capsys)
     assert log.stat().st_size - logged < MOST_LOG_BYTES, log.read_text()[-2000:]
 
 
-def who_takes_all_places_holds_up_no_stop(
+def a_client_that_takes_all_slots_delays_no_stop(
     server: Process, capsys: pytest.CaptureFixture[str]
 ) -> None:
     took_ms, clock = list[float](), RealClock()
@@ -76,7 +76,7 @@ def who_takes_all_places_holds_up_no_stop(
         )
 
 
-def a_pilot_drives_and_another_phone_comes_in_the_middle_of_a_flood(
+def a_pilot_drives_and_a_new_phone_is_served_during_a_flood(
     server: Process, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def page(cookie: str, *, sees: bool = False) -> Pilot:

@@ -171,13 +171,15 @@ def test_a_brick_is_taught_and_drives_by_itself_in_little_memory(
     served: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The whole test uses one server, because the emulator takes a minute to start."""
-    it_is_taught_and_drives_in_36_mb(served, capsys)
-    nothing_is_imported_that_the_loop_does_not_use(served)
+    the_robot_is_taught_and_drives_in_36_mb(served, capsys)
+    only_modules_that_the_loop_uses_are_imported(served)
     every_move_on_the_brick_was_timed(served)
     a_missing_motor_is_reported_in_one_line(served)
 
 
-def it_is_taught_and_drives_in_36_mb(served: Served, capsys: pytest.CaptureFixture[str]) -> None:
+def the_robot_is_taught_and_drives_in_36_mb(
+    served: Served, capsys: pytest.CaptureFixture[str]
+) -> None:
     brick = served.brick
     drive = served.address + "/ws/drive"
     with Watcher(served.address) as watcher, Pilot(drive, open_timeout=120) as pilot:
@@ -209,7 +211,7 @@ def it_is_taught_and_drives_in_36_mb(served: Served, capsys: pytest.CaptureFixtu
     assert memory["resident"] <= MOST_MEMORY_MB[served.armel.release]
 
 
-def nothing_is_imported_that_the_loop_does_not_use(served: Served) -> None:
+def only_modules_that_the_loop_uses_are_imported(served: Served) -> None:
     wait_until(lambda: served.modules)
     modules = served.modules
     assert {"numpy", "fastapi", "ev3dev2", "robot.bodies.ev3.driver"} <= modules

@@ -34,7 +34,7 @@ def newest(camera: V4l2Camera, after: int = 0) -> Frame:
     return frame
 
 
-def check_it_is_the_ramp(frame: Frame) -> None:
+def check_that_it_shows_the_ramp(frame: Frame) -> None:
     pixels = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.width, 2)
     assert frame.encoding is Encoding.YUYV
     assert (pixels[:, :, 1] == 128).all(), "the colour bytes stay unchanged"
@@ -46,7 +46,7 @@ def test_yuyv_comes_as_it_is_and_a_broken_camera_is_noticed_and_picked_up_again(
     with camera() as running:
         frame = newest(running, 3)
         assert (frame.width, frame.height) == (160, 120)
-        check_it_is_the_ramp(frame)
+        check_that_it_shows_the_ramp(frame)
 
         def age_s() -> float:
             now = running.latest()
@@ -67,7 +67,7 @@ def test_a_large_picture_is_shrunk(monkeypatch: pytest.MonkeyPatch) -> None:
     with camera() as running:
         frame = newest(running)
     assert (frame.width, frame.height) == (160, 120)
-    check_it_is_the_ramp(frame)
+    check_that_it_shows_the_ramp(frame)
 
 
 @pytest.mark.parametrize("format_name", ["MJPG", "JPEG"])

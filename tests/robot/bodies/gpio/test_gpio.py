@@ -194,12 +194,12 @@ def keeper_pid(driver: GpioDriver) -> int:
 @pytest.mark.realtime
 def test_a_keeper_outlives_its_program_and_is_replaced_when_it_fails(tmp_path: Path) -> None:
     notes = tmp_path / "pins.txt"
-    a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes)
+    a_keeper_that_hangs_or_ends_is_replaced_by_a_standing_one(notes)
     for how in (signal.SIGSTOP, signal.SIGKILL):
-        the_robots_program_ends_and_the_pins_are_low(notes, how)
+        the_pins_are_low_after_the_program_has_ended(notes, how)
 
 
-def the_robots_program_ends_and_the_pins_are_low(notes: Path, how: signal.Signals) -> None:
+def the_pins_are_low_after_the_program_has_ended(notes: Path, how: signal.Signals) -> None:
     program = subprocess.Popen(
         [sys.executable, "-c", DRIVES_ON, str(notes)], stdout=subprocess.PIPE, text=True, cwd=ROOT
     )
@@ -224,7 +224,7 @@ def _state(pid: int) -> bytes:
         return b"Z"
 
 
-def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> None:
+def a_keeper_that_hangs_or_ends_is_replaced_by_a_standing_one(notes: Path) -> None:
     with driver_for(notes) as driver:
         stays = keeper_pid(driver)
         for quiet in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):  # the keeper ignores them

@@ -68,18 +68,18 @@ class Typist:
 def test_a_hub_is_driven_again_after_it_hung_or_was_lost(hub: FakeHub) -> None:
     """The whole test uses one hub, whose program runs until somebody ends it."""
     assert len(PROGRAM.read_text().splitlines()) <= 80, "the program fits on one page"
-    a_hub_that_is_missing_or_runs_another_program_is_told(hub)
+    a_hub_that_is_missing_or_runs_another_program_is_reported(hub)
     driver = driver_for(hub)
     check_real_driver(driver, as_reported(driver, lambda: hub.is_moving))
     moves_are_timed_by_the_hub(hub)
     a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub)
-    a_hub_that_was_lost_is_driven_again_and_not_replaced_by_its_twin(hub)
+    a_lost_hub_is_driven_again_and_not_replaced_by_its_twin(hub)
     the_hubs_button_ends_the_drive_and_starts_it_again(hub)
     replayed_late_and_unknown_orders_only_stop(hub)
     rubbish_is_harmless(hub)
 
 
-def a_hub_that_is_missing_or_runs_another_program_is_told(hub: FakeHub) -> None:
+def a_hub_that_is_missing_or_runs_another_program_is_reported(hub: FakeHub) -> None:
     with (
         mock.patch.object(hub, "start_program", lambda: None),
         pytest.raises(DriveError, match=r"firmware/hub\.py"),
@@ -125,7 +125,7 @@ def a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub: FakeHub) -> No
     assert len(moved(hub)) <= 2 * 3
 
 
-def a_hub_that_was_lost_is_driven_again_and_not_replaced_by_its_twin(hub: FakeHub) -> None:
+def a_lost_hub_is_driven_again_and_not_replaced_by_its_twin(hub: FakeHub) -> None:
     with FakeHub(address="00:16:53:00:00:02") as twin, mock.patch.object(hub, "others", [twin]):
         with pytest.raises(DriveError, match=r"2 hubs in range match:.*--hub 00:16:53:00:00:01"):
             driver_for(hub).connect()

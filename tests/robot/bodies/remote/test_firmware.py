@@ -72,17 +72,17 @@ NONSENSE: tuple[dict[str, Any], ...] = ({"speed": "x"}, {"move": 7}, {"for_ms": 
 def test_the_sample_firmware_drives_and_stops_after_every_fault_and_attack() -> None:
     """The whole test uses one robot, because starting another one takes long."""
     with FirmwareRobot() as robot:
-        a_wrong_secret_moves_nothing_and_is_told(robot)
+        a_wrong_secret_moves_nothing_and_is_reported(robot)
         driver = driver_for(robot)
         check_real_driver(driver, as_reported(driver, robot.is_moving))
     with FirmwareRobot() as robot:
         moves_turn_the_wheels_and_end_by_themselves(robot)
         with Sender(robot) as sender:
             replayed_forged_and_late_orders_move_nothing(robot, sender)
-            rubbish_and_signed_nonsense_are_answered_and_harmless(sender)
-            a_flood_does_not_keep_it_from_standing(robot, sender)
-            after_a_freeze_it_stands_before_it_obeys(robot, sender)
-        it_is_driven_again_after_it_was_switched_off_and_on(robot)
+            nonsense_is_answered_and_harmless(sender)
+            a_flood_does_not_delay_the_stop(robot, sender)
+            after_a_freeze_the_robot_stops_before_it_obeys(robot, sender)
+        the_robot_drives_again_after_a_restart(robot)
 
 
 def moves_turn_the_wheels_and_end_by_themselves(robot: FirmwareRobot) -> None:
@@ -96,7 +96,7 @@ def moves_turn_the_wheels_and_end_by_themselves(robot: FirmwareRobot) -> None:
     assert stood_s - began_s >= ACTION_TIMEOUT_S - 0.1, "the robot stopped too early"
 
 
-def a_wrong_secret_moves_nothing_and_is_told(robot: FirmwareRobot) -> None:
+def a_wrong_secret_moves_nothing_and_is_reported(robot: FirmwareRobot) -> None:
     driver = driver_for(robot, "wrong")
     with driver, pytest.raises(DriveError, match="--secret"):
         for _ in range(10):
@@ -121,7 +121,7 @@ def replayed_forged_and_late_orders_move_nothing(robot: FirmwareRobot, sender: S
     assert not any(any(move[1:]) for move in robot.moves[moves:]), "a late order only stops"
 
 
-def rubbish_and_signed_nonsense_are_answered_and_harmless(sender: Sender) -> None:
+def nonsense_is_answered_and_harmless(sender: Sender) -> None:
     seq = sender.report["seq"]
     for message in RUBBISH:
         assert sender.ask(message)["seq"] == seq, message
@@ -133,7 +133,7 @@ def rubbish_and_signed_nonsense_are_answered_and_harmless(sender: Sender) -> Non
         assert sender.ask(sender.order(seq=seq))["seq"] == seq, fields
 
 
-def a_flood_does_not_keep_it_from_standing(robot: FirmwareRobot, sender: Sender) -> None:
+def a_flood_does_not_delay_the_stop(robot: FirmwareRobot, sender: Sender) -> None:
     robot.wait_until_it_stands()
     moves = len(robot.moves)
     sender.ask(sender.order(seq=sender.report["seq"] + 1, for_ms=60_000))
@@ -142,7 +142,7 @@ def a_flood_does_not_keep_it_from_standing(robot: FirmwareRobot, sender: Sender)
     robot.wait_until_it_stands(since=moves)
 
 
-def after_a_freeze_it_stands_before_it_obeys(robot: FirmwareRobot, sender: Sender) -> None:
+def after_a_freeze_the_robot_stops_before_it_obeys(robot: FirmwareRobot, sender: Sender) -> None:
     sender.drain()
     seq, moves = sender.report["seq"], len(robot.moves)
     sender.ask(sender.order(seq=seq + 1))
@@ -160,7 +160,7 @@ def after_a_freeze_it_stands_before_it_obeys(robot: FirmwareRobot, sender: Sende
     assert turned in ([True, False], [True, False, False])
 
 
-def it_is_driven_again_after_it_was_switched_off_and_on(robot: FirmwareRobot) -> None:
+def the_robot_drives_again_after_a_restart(robot: FirmwareRobot) -> None:
     with driver_for(robot) as driver:
         driver.send_action(Action.FORWARD)
         robot.__exit__()

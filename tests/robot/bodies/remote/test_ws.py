@@ -25,15 +25,15 @@ def test_a_lost_real_connection_is_opened_again_and_moves_nothing_by_itself() ->
     with WsRobot("geheim") as robot:
         driver = WsDriver(RemoteOptions(address=robot.address, secret="geheim"))
         check_real_driver(driver, as_reported(driver, lambda: robot.is_moving))
-    check_that_it_comes_back(WsRobot.start_again)
+    check_that_the_driver_reconnects(WsRobot.start_again)
     # Like a power cut at the robot, which closes no connection.
-    check_that_it_comes_back(lambda robot: robot.silent.set())
-    check_that_it_catches_up_with_late_answers()
-    what_hangs_is_followed_by_no_second_and_cancelled_at_the_end()
-    a_failure_of_any_kind_is_one_of_the_connection()
+    check_that_the_driver_reconnects(lambda robot: robot.silent.set())
+    check_that_the_driver_catches_up_with_late_answers()
+    a_hanging_attempt_is_the_only_one_and_is_cancelled_at_the_end()
+    any_failure_counts_as_one_of_the_connection()
 
 
-def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
+def check_that_the_driver_reconnects(lose: Callable[[WsRobot], None]) -> None:
     with (
         WsRobot("geheim") as robot,
         WsDriver(RemoteOptions(address=robot.address, secret="geheim")) as driver,
@@ -57,7 +57,7 @@ def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
         send_until(driver, Action.LEFT, lambda: robot.is_moving)
 
 
-def check_that_it_catches_up_with_late_answers() -> None:
+def check_that_the_driver_catches_up_with_late_answers() -> None:
     """A driver that read only one answer for each order would never catch up."""
     with WsRobot("geheim") as robot:
         host, _, port = robot.address.partition(":")
@@ -85,7 +85,7 @@ async def hang() -> None:
     await asyncio.Event().wait()
 
 
-def what_hangs_is_followed_by_no_second_and_cancelled_at_the_end() -> None:
+def a_hanging_attempt_is_the_only_one_and_is_cancelled_at_the_end() -> None:
     kept = Standing("kept", RealClock())
     hanging = kept._send_one(hang())
     with pytest.raises(TimeoutError):
@@ -101,7 +101,7 @@ def what_hangs_is_followed_by_no_second_and_cancelled_at_the_end() -> None:
         kept._send_one(hang(), "a third")
 
 
-def a_failure_of_any_kind_is_one_of_the_connection() -> None:
+def any_failure_counts_as_one_of_the_connection() -> None:
     async def fail() -> None:
         raise LookupError("the hub is gone")
 

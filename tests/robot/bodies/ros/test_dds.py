@@ -191,11 +191,11 @@ def the_camera_keeps_the_contract() -> None:
 def test_a_robot_on_dds_is_driven_seen_and_lost(caplog: pytest.LogCaptureFixture) -> None:
     check_real_case(base_case, WHOLE if IS_FULL else SHORT)
     the_camera_keeps_the_contract()
-    what_listens_for_another_type_is_a_sentence()
-    others_on_the_topic_are_in_the_log(caplog)
+    a_listener_for_another_type_is_reported()
+    other_nodes_on_the_topic_are_logged(caplog)
 
 
-def what_listens_for_another_type_is_a_sentence() -> None:
+def a_listener_for_another_type_is_reported() -> None:
     with DdsRobot(own_domain()) as robot:
         stamped = robot.reader("/base/cmd_vel", STAMPED)
         driver = driver_for(cmd_vel_topic="/base/cmd_vel")
@@ -213,7 +213,7 @@ def what_listens_for_another_type_is_a_sentence() -> None:
             dds.neighbours_of(own_domain(), [], "", RealClock(), 0.2)
 
 
-def others_on_the_topic_are_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
+def other_nodes_on_the_topic_are_logged(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING, "robot.bodies.ros")
     with DdsRobot(own_domain()) as robot, driver_for(watchdog=True) as driver:
         other = robot.writer("/drivelesson/cmd_vel", STAMPED)

@@ -188,7 +188,7 @@ def driver_for(ros: RosBridgeServer) -> RosDriver:
 
 @pytest.mark.realtime
 def test_a_base_is_driven_watched_and_lost(caplog: pytest.LogCaptureFixture) -> None:
-    a_bridge_that_is_not_there_is_a_sentence()
+    a_missing_bridge_is_reported_in_a_sentence()
     with RosBridgeServer() as ros:
         check_real_camera(RosCamera(RosCameraOptions(address=ros.address), RealClock()))
         driver = driver_for(ros)
@@ -199,12 +199,12 @@ def test_a_base_is_driven_watched_and_lost(caplog: pytest.LogCaptureFixture) -> 
 
         check_real_driver(driver, is_moving)
         a_velocity_that_is_not_renewed_is_followed_by_zero(ros)
-        a_bridge_without_a_sign_of_life_is_connected_anew(ros)
+        a_silent_bridge_is_connected_again(ros)
         caplog.set_level(logging.WARNING, "robot.bodies.ros")
         a_refusal_is_an_error_until_the_bridge_accepts_the_topic(ros, caplog)
 
 
-def a_bridge_that_is_not_there_is_a_sentence() -> None:
+def a_missing_bridge_is_reported_in_a_sentence() -> None:
     options = {"address": "127.0.0.1:9"}
     with pytest.raises(DriveError, match="rosbridge_server"):
         RosDriver(RosOptions(**options)).connect()
@@ -221,7 +221,7 @@ def a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer) -> 
         wait_until(lambda: [any(speeds(m)) for m in ros.cmd_vel[before:]][:2] == [True, False])
 
 
-def a_bridge_without_a_sign_of_life_is_connected_anew(ros: RosBridgeServer) -> None:
+def a_silent_bridge_is_connected_again(ros: RosBridgeServer) -> None:
     with mock.patch("robot.bodies.ros.bridge._LOST_S", 0.3), driver_for(ros) as driver:
         bridge: Any = driver._connection
         first = bridge._socket

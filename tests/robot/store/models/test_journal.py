@@ -180,7 +180,7 @@ def test_nothing_is_replayed_after_a_start_in_which_nothing_changed(tmp_path):
     assert len(list(tmp_path.glob("models/robot/*.npz"))) == 1
 
 
-def check_a_disk_whose_flush_hangs_holds_up_no_record(
+def check_a_disk_whose_flush_hangs_delays_no_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A kill loses only unwritten data, so writing does not wait for the flush against power
