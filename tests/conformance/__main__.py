@@ -27,7 +27,7 @@ PATIENCE_S = 3600
 
 
 class Result(NamedTuple):
-    """One line of the table; the outcome is `passed`, `FAILED: why` or `not to be had: why`."""
+    """One line of the table; the outcome is `passed`, `FAILED: why` or `unavailable: why`."""
 
     peer: str
     version: str
@@ -35,7 +35,7 @@ class Result(NamedTuple):
     outcome: str
 
 
-class NotToBeHadError(Exception):
+class UnavailableError(Exception):
     """Neither this machine nor an index or package manager has the program."""
 
 
@@ -166,8 +166,8 @@ def _results(name: str, home: Path, samples: Samples) -> Iterator[Result]:
     home.mkdir(parents=True, exist_ok=True)
     try:
         yield from CHECKS[name](home, samples)
-    except NotToBeHadError as error:
-        yield Result(name, "", "", f"not to be had: {str(error).strip()[-200:]}")
+    except UnavailableError as error:
+        yield Result(name, "", "", f"unavailable: {str(error).strip()[-200:]}")
 
 
 def pythons() -> list[Path]:
@@ -190,18 +190,18 @@ def _environment(home: Path, packages: list[str], module: str) -> Path:
     for python in pythons():
         try:
             newest[python] = _newest(home, python, packages[0].partition("[")[0])
-        except NotToBeHadError as error:
+        except UnavailableError as error:
             why = str(error)
     for python in sorted(newest, key=lambda python: newest[python], reverse=True):
         own = _virtual(home, python)
         try:
             _get([own, "-m", "pip", "install", "--quiet", "--upgrade", *packages])
             _get([own, "-c", f"import {module}"])
-        except NotToBeHadError as error:
+        except UnavailableError as error:
             why = str(error)
         else:
             return own
-    raise NotToBeHadError(why)
+    raise UnavailableError(why)
 
 
 def _newest(home: Path, python: Path, package: str) -> tuple[int, ...]:
@@ -226,7 +226,7 @@ def _program(*names: str, package: str = "", home: Path | None = None) -> str:
     if not missing:
         return names[0]
     if not package or home is None:
-        raise NotToBeHadError(f"{missing[0]} is not installed")
+        raise UnavailableError(f"{missing[0]} is not installed")
     unpacked = home / "package" / "usr" / "bin" / names[0]
     if not unpacked.exists():
         _get(["apt-get", "download", package], cwd=home)
@@ -246,9 +246,9 @@ def _get(words: list[object], cwd: Path | None = None) -> None:
     try:
         _tried(words, cwd=cwd, check=True, timeout=PATIENCE_S)
     except subprocess.CalledProcessError as error:
-        raise NotToBeHadError(error.stderr or error.stdout) from error
+        raise UnavailableError(error.stderr or error.stdout) from error
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise NotToBeHadError(str(error)) from error
+        raise UnavailableError(str(error)) from error
 
 
 def _said(words: list[object]) -> str:

@@ -44,7 +44,7 @@ from tests.faults.bodies import brick_in_memory
 from tests.kit.frames import grey_jpeg
 from tests.own_plugins import own_plugins
 from tests.robot.bodies.ev3.fake_video import DEVICE
-from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
+from tests.robot.bodies.ev3.virtual_agent import SimulatedCamera, VirtualAgent
 from tests.robot.footage import write_footage
 from tests.standins import picamera2
 
@@ -66,7 +66,7 @@ def ev3_remote_camera() -> Iterator[CameraCase]:
         driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=address))
         yield CameraCase(Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), RealClock()))
         return
-    source = MadeUpCamera()
+    source = SimulatedCamera()
     with (
         brick_in_memory(VirtualClock(100.0)) as brick,
         VirtualAgent(brick, open_camera=source.open) as agent,

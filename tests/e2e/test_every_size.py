@@ -1,8 +1,8 @@
 """No text is truncated and nothing overlaps, on every screen, at every size and in every language.
 
 The drive screen has a test of its own (test_holds_still.py). `make test` measures each size in one
-of three languages; at full size each is measured in all of them. The language `longer` is made up:
-it is English, and half as long again.
+of three languages; at full size each is measured in all of them. The language `longer` is invented:
+English, but half as long again.
 """
 
 from __future__ import annotations

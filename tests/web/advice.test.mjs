@@ -82,7 +82,7 @@ test('the advice names one step at a time, from the first visit to the first dri
   assert.equal(advice({ mode: 'stopped' }, readiness({ stage: 'ready' })).key, 'advice.ready');
 });
 
-test('the pilot is offered to release an emergency stop; other clients are offered only what the robot accepts from them', () => {
+test('the page lets the pilot release an emergency stop, and offers other clients only what the robot accepts from them', () => {
   const step = (changes, robot) => urgentAdvice(page(changes, { emergency: true, ...robot })).step;
   assert.equal(step({}, {}), 'release');
   assert.equal(step({}, { you_are_pilot: false, pilot: null }), 'take', 'otherwise nobody could release the stop');
@@ -157,7 +157,7 @@ test('the age of a picture is split into its parts, and the slow part is named',
   assert.equal(urgentAdvice(late()), null);
 });
 
-test('the page says why a countdown started again, and nothing while it continues', () => {
+test('the page says why a countdown started again, and says nothing while it continues', () => {
   const at = (alone_s, more = {}) => readiness({ stage: 'try', alone_s, ...more });
   for (const kind of ['corrected', 'pushed', 'helpless', 'unknown_view']) {
     assert.equal(setbackOf(at(25), at(0, { missing: [{ ...corrected, kind }] })), kind);

@@ -64,7 +64,7 @@ test('the page drops robots that a restarted board does not know, so that no STO
   lines.at(-1).onopen();
   tell(1, 2);
   tell(3);
-  assert.deepEqual(gone, [], 'later news name only some of the robots');
+  assert.deepEqual(gone, [], 'later updates name only some of the robots');
   lines.at(-1).onclose();
   t.mock.timers.tick(1000);
   lines.at(-1).onopen();
@@ -81,7 +81,7 @@ test('the second card of a robot that has moved disappears', () => {
   assert.deepEqual([gone, [...link.robots.keys()]], [[2], [1]]);
 });
 
-/** A board page with a fake websocket and fake requests; `open` opens a websocket, and `tell` sends news on it. */
+/** A board page with a fake websocket and fake requests; `open` opens a websocket, and `tell` sends an update on it. */
 function paged(t) {
   const said = [], lines = [], asked = [], answers = [];
   globalThis.WebSocket = class { constructor() { lines.push(this); } send(text) { said.push(JSON.parse(text)); } close() { this.readyState = 3; } };
@@ -180,12 +180,12 @@ for (const [what, fall] of Object.entries({
   });
 }
 
-test('a board that sends any news does not count as hanging', (t) => {
+test('a board that sends any update does not count as hanging', (t) => {
   const { link, open, tell } = paged(t);
   open();
   link.stop();
   t.mock.timers.tick(10_000);
-  assert.ok(link.isOpen, 'without robots there is no news');
+  assert.ok(link.isOpen, 'without robots there are no updates');
   tell(ada(1));
   for (let i = 0; i < 5; i += 1) {
     link.stop();
@@ -264,7 +264,7 @@ test('an open panel shows the current locks of its robot', (t) => {
   tap('models');
   assert.deepEqual(told, [['2', ['settings']]]);
   news(2, ['models', 'settings']);
-  assert.deepEqual(shown(), ['settings'], 'these news are older than the tap');
+  assert.deepEqual(shown(), ['settings'], 'this update is older than the tap');
   news(2, ['settings']);
   news(2, ['settings', 'models']);
   assert.deepEqual(shown(), ['settings', 'models'], 'another page has locked it again');

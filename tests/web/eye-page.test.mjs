@@ -95,7 +95,7 @@ test('the worker reports that it cannot encode', async () => {
   assert.deepEqual(said, [null]);
 });
 
-test('a lost camera sends no picture, not even its last one, and after it is back only one loop runs', async () => {
+test('a lost camera sends no picture, not even its last one; after its return, only one loop takes pictures', async () => {
   acknowledge();
   await pass(200);
   const before = pictures();

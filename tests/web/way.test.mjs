@@ -115,7 +115,7 @@ test('no sentence about a lost link claims that the robot has stopped, in any la
   }
 });
 
-test('a client without websockets is offered to watch, once', () => {
+test('the page offers once to watch if websockets are blocked', () => {
   const page = { ...initialState(), link: 'lost', way: { kind: 'blocked', robot: 'stands' }, robot: null };
   assert.equal(urgentAdvice(/** @type {any} */ (page)).step, 'watch');
   assert.equal(urgentAdvice(/** @type {any} */ ({ ...page, isWatching: true })).step, undefined);

@@ -19,7 +19,7 @@ PEOPLE = ("owner", "pilot", "viewer", "greedy", "other")
 PROTECTED = ("owner", "pilot")
 
 
-class PeopleAtTheDoor(RuleBasedStateMachine):
+class CompetingClients(RuleBasedStateMachine):
     """Connections open, send requests, become idle and end; some people want all slots."""
 
     def __init__(self) -> None:
@@ -101,8 +101,8 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
             assert self.admission.admitted.has(person) == (n_own > 0)
 
 
-TestPeopleAtTheDoor = PeopleAtTheDoor.TestCase
-TestPeopleAtTheDoor.settings = settings(
+TestCompetingClients = CompetingClients.TestCase
+TestCompetingClients.settings = settings(
     deadline=None, max_examples=examples(200), stateful_step_count=60
 )
 

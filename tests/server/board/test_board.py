@@ -101,7 +101,7 @@ async def test_a_robot_that_stands_already_confirms_the_next_stop_on_the_open_li
         await world.until(lambda: stages() == {Stopping.STOPPED}, CONFIRM_S, "all confirm")
         await world.clock.pause(0.7)
     assert not any("/api/stop" in path for _, path in world.network.requests)
-    assert world.board.at_leisure.is_set(), "news arrive again"
+    assert world.board.at_leisure.is_set(), "updates arrive again"
     assert all(pupil.hub.lease.owner is None for pupil in world.pupils.values())
 
 

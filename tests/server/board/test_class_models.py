@@ -125,7 +125,7 @@ def test_a_robot_without_examples_saves_nothing_and_never_has_two_empty_models(g
         assert len(group.names()) == 2, "the folder has the taught model and the empty one in use"
     ours, *_ = group.give(ClassOrder.LOAD, given, "left turns")
     assert ours["model"] == "" and group.names() == ["R1", "left turns"]
-    ours, *_ = group.give(ClassOrder.RESET)  # the news about the examples is still in transit
+    ours, *_ = group.give(ClassOrder.RESET)  # the update about the examples is still in transit
     assert ours["model"] == "left turns" and "left turns" in group.names()
     group.undo()
     assert group.names() == ["R1", "left turns"]

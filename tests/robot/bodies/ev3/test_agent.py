@@ -26,8 +26,8 @@ from tests.robot.bodies.ev3.virtual_agent import (
     ADDRESS,
     SECRET,
     Listener,
-    MadeUpCamera,
     Net,
+    SimulatedCamera,
     VirtualAgent,
     connected,
 )
@@ -372,7 +372,7 @@ def test_the_camera_of_another_robot_cannot_see_through_the_brick(brick: FakeBri
 
 
 def test_the_newest_picture_is_sent_first_and_camera_faults_are_reported(brick: FakeBrick) -> None:
-    clock, source = brick.clock, MadeUpCamera()
+    clock, source = brick.clock, SimulatedCamera()
     with VirtualAgent(brick, open_camera=source.open) as running:
         driver = make_driver(running)
         camera = Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), clock)

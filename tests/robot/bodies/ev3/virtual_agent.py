@@ -262,7 +262,7 @@ def close_motor(driver: Ev3Driver, side: int) -> None:
         file.close()
 
 
-class MadeUpCamera:
+class SimulatedCamera:
     """Replaces `CameraReader`: 30 pictures a second; can be frozen and thawed."""
 
     width, height, encoding, path = 32, 24, "yuyv", "/dev/video0"
