@@ -69,7 +69,7 @@ def hold_to_the_limit(session: pytest.Session, items: list[pytest.Item]) -> None
 def _off_the_wall_clock(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[None]:
-    """Refuse the wall clock to a test without the mark."""
+    """Make the wall clock fail in a test without the mark."""
     if is_marked(request.node):
         yield
         return

@@ -89,7 +89,7 @@ def test_a_viewer_with_one_picture_a_second_costs_one_and_changes_no_rate(restin
     resting.forward(1.5)
     pictures, ticks = spent(resting, 10.0)
     assert 9 <= pictures <= 11 and ticks <= 60
-    assert resting.rig.loop.state.cycle_hz == pytest.approx(30.0, rel=0.1), "as before the rest"
+    assert resting.rig.loop.state.cycle_hz == pytest.approx(30.0, rel=0.1), "the rate is unchanged"
     # this client makes the robot take all pictures
     with connect(resting.ws("/ws/video")) as another:
         another.recv(FRESH_S)

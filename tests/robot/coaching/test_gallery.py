@@ -77,7 +77,7 @@ def test_only_the_parts_that_the_deciding_image_alone_shares_are_marked(name, se
         why = explain(policy, x, policy.propose(1, x).node)
         assert why.alike.shape == (CELL_ROWS, CELL_COLUMNS)
         assert why.alike.min() >= 0.0 and why.alike.max() <= 1.0
-        assert why.alike[rows[which], columns[which]] > 0.6, "the view's own pattern is alike"
+        assert why.alike[rows[which], columns[which]] > 0.6, "the view's own pattern matches"
         assert np.median([why.alike[part] for part in bare]) < 0.5
         assert why.image.votes[label] == 1
         np.testing.assert_array_equal(why.present, policy.features.thumbnail(x))

@@ -278,7 +278,7 @@ def test_a_camera_that_cannot_rest_is_reported_and_ends_no_loop():
 def test_a_camera_with_an_age_that_cannot_be_read_is_named_and_stops_the_robot(age):
     robot = started()
     robot.camera.__class__ = type("Broken", (type(robot.camera),), {"source_age_s": age})
-    vars(robot.camera).pop("source_age_s")  # it would hide the attribute of the class
+    vars(robot.camera).pop("source_age_s")  # so that the class's attribute counts
     for scene in range(20):
         tick = robot.step(scene, F)
     assert tick.sent is Action.STOP and robot.loop.mode is Mode.STOPPED

@@ -191,7 +191,7 @@ def left(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_a_kill_separates_no_files_of_a_recording(
     driven: Path, tmp_path: Path, left: list[int], is_taken: bool
 ) -> None:
-    """Whichever moves of a deletion or restoration are missing, the list or trash has it."""
+    """If moves of a deletion or restoration are missing, the recording is in the list or trash."""
     for is_restored, kept in product((False, True), range(4)):
         root = tmp_path / f"{is_restored}{kept}"
         store, episode_id = stored(root, driven)

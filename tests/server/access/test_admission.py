@@ -244,7 +244,7 @@ def test_a_session_whose_connections_are_all_busy_gets_429_and_keeps_them():
     assert comes(10, 3.0) and crowd.gone == [2], "an idle connection is evicted"
     assert not comes(11, 4.0)
     assert comes(12, 5.0, lasts=True) and crowd.gone == [2, 0], "a page's websocket gets a slot"
-    assert comes(13, 2.0 + LIMITS.idle_s) and crowd.gone == [2, 0, 1], "so is a request that hangs"
+    assert comes(13, 2.0 + LIMITS.idle_s) and crowd.gone == [2, 0, 1], "a hanging request goes, too"
 
 
 def test_a_connection_whose_session_changes_takes_no_slot_of_another_connection():

@@ -101,8 +101,7 @@ class Browser:
         except httpx.TransportError:
             if is_new:
                 raise
-            # A server may close an idle connection at that moment; browsers then repeat the
-            # request on a new one.
+            # Browsers repeat a request if the server has just closed the idle connection.
             answer = await client.get(path)
         assert answer.status_code == 200, (path, answer.status_code)
 

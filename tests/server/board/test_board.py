@@ -109,7 +109,7 @@ async def test_a_robot_that_stands_already_confirms_the_next_stop_on_the_open_li
 async def test_only_a_state_that_is_newer_than_a_stop_confirms_or_clears_it(world):
     """A separate request confirms the stop while the websocket still delivers older states."""
     one, link = await world.first()
-    hear, link._note_state = link._note_state, lambda _: None  # the line is slow
+    hear, link._note_state = link._note_state, lambda _: None  # the websocket is slow
     free = {"emergency": False, "stop_held_by": None, "stop_number": one.hub.emergency.number}
     world.board.stop()
     hear({"emergency": True, "stop_held_by": None})
@@ -140,7 +140,7 @@ async def test_only_a_state_that_is_newer_than_a_stop_confirms_or_clears_it(worl
 async def test_a_stop_released_before_a_state_reported_it_is_shown_as_released(world):
     one, link = await world.first()
     told = list[dict[str, Any]]()
-    hear, link._note_state = link._note_state, told.append  # the line is slow
+    hear, link._note_state = link._note_state, told.append  # the websocket is slow
     world.board.stop()
     await world.until(lambda: link.stop.stage is Stopping.STOPPED, 2.0, "the request stops it")
     one.loop.release_emergency()

@@ -182,7 +182,7 @@ def allows(window: VideoWindow, delay_s: float) -> bool:
     [
         ([0.128], 0.128),
         ([0.128, 0.256], 0.160),  # the average rises by a quarter of the difference
-        ([0.256, 0.128], 0.128),  # it falls at once
+        ([0.256, 0.128], 0.128),  # the average falls at once
         ([0.128, 0.256, 0.256], 0.184),
     ],
 )

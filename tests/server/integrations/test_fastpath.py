@@ -135,7 +135,7 @@ async def cut_at_random(rng: random.Random) -> None:
     for start in range(8 - len(posing), len(frame), len(posing)):
         protocol.data_received(frame[max(0, start) : start + len(posing)])
     frame = masked(0x82, bytes(300), rng)
-    protocol.data_received(frame[:132])  # as if 126 were the length
+    protocol.data_received(frame[:132])  # the size of a frame of length 126
     protocol.data_received(frame[132:])
     sent += [4 * posing, bytes(300)]
     assert heard == sent

@@ -162,7 +162,7 @@ def test_a_model_that_failed_when_it_drove_is_set_aside_at_the_next_start(store,
     assert store.load("kitchen").summary.n_examples == 40
     assert store.set_failed_aside() == [], "a failed version is set aside only once"
     store.retry_damaged()
-    assert versions(store, "kitchen") == ["00001.npz", "00002.npz.failed"], "it stays set aside"
+    assert versions(store, "kitchen") == ["00001.npz", "00002.npz.failed"], "the failed one stays"
 
 
 def model_of(number: int) -> Model:
