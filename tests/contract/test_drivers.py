@@ -61,7 +61,7 @@ BOX = "left=-0.6,0.1; right=0.6,0.1; forward=0,0.3; backward=0,-0.5"
 
 
 def line_of_pixels(moves: str = "") -> GymnasiumDriver:
-    pytest.importorskip("gymnasium", reason="an extra, and not of Debian 12's versions")
+    pytest.importorskip("gymnasium", reason="the extra gymnasium is not installed")
     line, form = "tests.standins.gymnasium_line:Line", "box" if moves else "discrete"
     return GymnasiumDriver(
         GymnasiumOptions(env=line, env_options=f"width=101,form={form}", env_moves=moves)
@@ -145,7 +145,7 @@ def timed_driver(name: str) -> Iterator[DriverCase]:
 
 @contextmanager
 def gpio_driver(motor_board: str = "two-pwm") -> Iterator[DriverCase]:
-    pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
+    pytest.importorskip("gpiozero", reason="the extra gpio is not installed")
     from tests.standins.gpio import MockPins
 
     clock = VirtualClock()

@@ -15,7 +15,7 @@ N_DRIVES = min(max(SEEDS // 5, 3), DRIVES)
 @crossed(fault=FAULTS, name=BODIES, by=["moves", "degrees"])
 def test_each_body_stops_in_time_when_its_server_is_gone(fault: str, name: str, by: str) -> None:
     if name == "gpio":
-        pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
+        pytest.importorskip("gpiozero", reason="the extra gpio is not installed")
     took_s = [
         stood_after_s(name, fault, seed, proportional=by == "degrees") for seed in range(N_DRIVES)
     ]

@@ -127,7 +127,7 @@ def test_each_of_the_eight_ways_to_wire_two_motors_has_one_correction():
 @pytest.mark.parametrize("motor_board", ["two-pwm", "phase-enable"])
 def test_motors_can_be_reversed_while_the_board_is_connected(motor_board):
     """The keeper runs in this process, with gpiozero's mock pins."""
-    pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
+    pytest.importorskip("gpiozero", reason="the extra gpio is not installed")
     from tests.standins.gpio import MockPins
 
     with MockPins(VirtualClock()) as pins:
