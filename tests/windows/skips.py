@@ -11,10 +11,10 @@ import pytest
 
 from robot.errors import MissingExtraError
 
-KERNEL = "an interface of the kernel that only Linux has: "
+KERNEL = "only Linux has this kernel interface: "
 RIGHTS = "Windows has no permission bits"
 ITSELF = "server/test_damaged_folder.py::test_the_data_folder_itself_may_be_something_else"
-LINKS = "symbolic links, which few accounts may make on Windows"
+LINKS = "few Windows accounts may make symbolic links"
 NO_EXTRA = "the extra `{}` is not installed on Windows"
 EXTRA_LIBRARIES = ("sklearn", "scipy", "matplotlib", "river", "pyarrow", "av")
 """Modules that tests import directly; the product's errors name other missing modules."""
@@ -34,11 +34,11 @@ SKIPPED = {
     **dict.fromkeys([f"{ITSELF}[{kind}" for kind in ("dangling", "loop")], LINKS),
     "server/access/test_unpaired_flood.py::test_a_flood": KERNEL + "a limit of descriptors",
     "robot/lab/test_evaluation.py::test_the_command_writes": NO_EXTRA.format("evaluate"),
-    "robot/bodies/ev3/test_agent_process.py": "the brick's Python, which Windows does not have",
-    "robot/bodies/ev3/test_installer.py": "a stand-in for ssh, a script that Linux runs",
+    "robot/bodies/ev3/test_agent_process.py": "Windows does not have the brick's Python",
+    "robot/bodies/ev3/test_installer.py": "the stand-in for ssh is a shell script",
     "robot/bodies/ev3/test_stock.py::test_the_cable_carries": KERNEL + "packets of a local socket",
 }
-ABSENT = {"mkfifo": KERNEL + "named pipes, which a stand-in for a brick has"}
+ABSENT = {"mkfifo": KERNEL + "the named pipes of a simulated brick"}
 """Functions of `os`; a test that calls one of them is skipped on Windows."""
 TESTS = Path(__file__).parents[1]
 
