@@ -258,8 +258,7 @@ class Driver(ABC):
         return None
 
     def advise(self, prediction: Prediction) -> None:  # noqa: B027
-        """Receive the learner's prediction on the newest frame; must return immediately and not
-        raise."""
+        """Receive the learner's prediction on the newest frame; must return at once, not raise."""
 
     def announce(self, address: str) -> None:  # noqa: B027 - a body without a screen does nothing
         """Receive the page's address, for bodies that can show an address; called before

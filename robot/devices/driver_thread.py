@@ -177,8 +177,7 @@ class DriverThread(Driver):
         return True
 
     def _choose(self, now_s: float) -> tuple[str, Callable[[], None]] | None:
-        """Remove and return the most urgent request: stop comes first, then sense or drive, then
-        show.
+        """Remove and return the most urgent request: stop, then sense or drive, then show.
 
         STOP always comes before a reading of the sensors. So does a new action, unless a reading is
         late by more than `SENSE_EVERY_S`. A repeated action waits for a reading that is due.

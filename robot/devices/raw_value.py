@@ -21,8 +21,7 @@ IS_OLD = pydantic.VERSION.startswith("1.")
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
 _STRICT: dict[str, Any] = {} if IS_OLD else {"strict": True}
 _MOST_BITS = 1000
-"""Maximum number of bits of an integer that fits into a float. Pydantic 1 fails at larger
-integers."""
+"""Maximum number of bits of an integer that a float can hold; Pydantic 1 fails at larger ones."""
 _M = TypeVar("_M", bound=BaseModel)
 
 

@@ -40,8 +40,7 @@ class FolderLock(StartStop):
         except Timeout as error:
             raise InUseError(
                 f"another drivelesson (process {self._read_holder()}) uses the data folder "
-                f"{self._folder}; stop it, or choose another folder with "
-                "--data FOLDER"
+                f"{self._folder}; stop it, or choose another folder with --data FOLDER"
             ) from error
         except NotImplementedError:
             return  # some network file systems do not support locks

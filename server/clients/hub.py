@@ -1,7 +1,6 @@
 """The clients of one robot: their connections, the pilot, and their messages.
 
-Everything runs on the server's event loop. Only the gate in robot/ decides about motors, not this
-module.
+Everything runs on the server's event loop. Only the gate in robot/ decides about motors.
 """
 
 from __future__ import annotations
