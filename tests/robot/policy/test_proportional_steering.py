@@ -130,7 +130,7 @@ def test_a_model_with_a_move_steered_beyond_full_lock_is_refused():
     state.arrays["degrees_sums"][:, 1] *= -10.0
     crafted = make_policy("default-8")
     crafted.restore(state)
-    with pytest.raises(ValueError, match="further than any body can"):
+    with pytest.raises(ValueError, match="the steering of its moves is outside"):
         crafted.check()
 
 
