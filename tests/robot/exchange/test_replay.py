@@ -67,7 +67,7 @@ def test_the_camera_plays_a_folder_in_order_and_says_when_it_is_over(tmp_path: P
     files = [shot.picture().data for shot in shots]
     assert [frame.data for frame in frames] == files
     assert camera.fault is not None
-    assert "is over" in camera.fault
+    assert "has ended" in camera.fault
 
 
 @pytest.mark.parametrize(

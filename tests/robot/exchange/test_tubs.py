@@ -172,7 +172,7 @@ def test_every_intact_record_of_a_damaged_tub_is_imported_and_nothing_wrong(
 
 def test_with_the_option_strict_damage_is_an_error(tub: Path) -> None:
     (tub / "manifest.json").write_text("")
-    with pytest.raises(RecordingError, match="it is lost"):
+    with pytest.raises(RecordingError, match="it is missing or damaged"):
         drive_at(tub, report=ImportReport(is_strict=True))
 
 

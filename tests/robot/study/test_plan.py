@@ -65,7 +65,7 @@ FAULTS = [
     ('world = "box"', "", r"\[\[condition\]\] number 1: 'world' is missing"),
     ('["yes", "no"]', '["yes"]', r"number 2: 'options' must be a list of 2 to 20 texts"),
     (CHOICE, 'kind = "scale"', r"unknown field 'options'; known:"),
-    ('name = "again"', 'name = "tlx_mental"', r"two of the questions are called 'tlx_mental'"),
+    ('name = "again"', 'name = "tlx_mental"', r"the name 'tlx_mental' is used for two questions"),
     ("title =", 'learner = "defalt-32"\ntitle =', r"'learner' is 'defalt-32', which is unknown"),
     ("title =", 'questionnaires = ["tlx"]\ntitle =', r"is named 'tlx'.*choose from: "),
     ('= "You may stop at any time."', '= { english = "x" }', r"has 'english', which is not a lan"),
