@@ -89,7 +89,7 @@ def test_a_phone_that_leaves_is_a_fault_at_once(camera: PhoneCamera) -> None:
     offer(camera, b"one")
     camera.listen(lambda: told.append(camera.fault))
     camera.lose()
-    assert "gone" in (camera.fault or "") and told == [camera.fault]
+    assert "disconnected" in (camera.fault or "") and told == [camera.fault]
 
 
 def test_a_stopped_camera_accepts_no_picture(camera: PhoneCamera) -> None:

@@ -79,7 +79,7 @@ def test_a_wrong_or_missing_secret_or_address_is_reported_in_one_line(
         make_driver(agent, "another secret").connect()
     with pytest.raises(DriveError, match=r"no agent answers .*refused.*drivelesson brick agent"):
         make_driver(agent, address="brick:1").connect()
-    with pytest.raises(DriveError, match="no brick was named"):
+    with pytest.raises(DriveError, match="address is missing; give it with --brick"):
         make_driver(agent, address="").connect()
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     with pytest.raises(DriveError, match=r"no secret is known .* or make a secret"):
@@ -367,7 +367,7 @@ def test_the_camera_of_another_robot_cannot_see_through_the_brick(brick: FakeBri
     with pytest.raises(ConfigurationError, match="not with 'ev3'"):
         Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), brick.clock)
     lonely = Ev3RemoteCamera(UsbCameraOptions(), brick.clock, BrickLink("", clock=brick.clock))
-    with pytest.raises(CameraError, match="no brick was named"):
+    with pytest.raises(CameraError, match="address is missing; give it with --brick"):
         lonely.start()
 
 

@@ -129,8 +129,8 @@ def test_a_motor_that_cannot_be_reset_is_reported_in_one_line(brick: FakeBrick) 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"forward_speed_mps": 0.5}, r"--forward-speed-mps 0.5 .* outB .* only 1050; choose"),
-        ({"turn_rate_deg_s": 300, "turn_by": "forward"}, r"--turn-rate-deg-s .* outC .* choose"),
+        ({"forward_speed_mps": 0.5}, r"--forward-speed-mps 0.5 .* outB, .* only 1050; choose"),
+        ({"turn_rate_deg_s": 300, "turn_by": "forward"}, r"--turn-rate-deg-s .* outC, .* choose"),
     ],
 )
 def test_a_speed_above_the_motors_limit_names_the_limit(

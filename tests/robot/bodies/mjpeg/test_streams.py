@@ -269,14 +269,14 @@ REASONS: list[tuple[str, list[bytes], dict[str, Any]]] = [
     ("image/webp", [HEAD + b"Content-Type: image/webp\r\n\r\nRIFF" * 9], {}),
     ("did not end", [STREAM[:-9]], {"stalls": True}),
     ("a web page", [answer("200 OK", "Content-Type: text/html")], {}),
-    ("circle", [moved("/")] * 9, {}),
+    ("endlessly", [moved("/")] * 9, {}),
     *(("an invalid address", [moved(at)], {}) for at in ("ftp://a/b", "http://a:99999999/")),
     ("/stream answers 404: there is nothing", [answer("404 No")], {}),
     ("/stream answers 304: restart it", [answer("304 Found")], {}),
     ("--source http://USER", [answer("401 No", DIGEST)], {}),
     ("does not accept this user", [answer("401 No", DIGEST)] * 2, USER),
     *(
-        ("unsupported kind", [answer("401 No", digest)], USER)
+        ("unsupported authentication", [answer("401 No", digest)], USER)
         for digest in (
             DIGEST.replace("MD5", "SHA3-x"),
             DIGEST.replace("cam", "K\u00fcche"),

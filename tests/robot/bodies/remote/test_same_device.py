@@ -151,7 +151,7 @@ def test_twins_are_told_apart_and_a_lost_one_is_named() -> None:
     assert SameDevice("hub", "Anna").pick(twins) is None
     same.chosen = twins[0]
     assert same.pick(twins[1:]) is None
-    assert "another one is in range" in same.name_absent(twins[1:])
+    assert "another hub is in range" in same.name_absent(twins[1:])
     assert same.pick([Found("renamed", twins[0].address), twins[1]]) is not None
 
 
