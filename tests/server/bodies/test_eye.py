@@ -101,7 +101,7 @@ def test_pictures_arrive_with_stamps_on_our_clock(robot):
         assert frame is not None and (frame.width, frame.height) == (32, 24)
         assert asked["server_ms"] / 1000 <= frame.captured_s <= rig.clock.now_s()
         assert rig.camera.fault is None
-    robot.wait_until(lambda: "gone" in (rig.camera.fault or ""))
+    robot.wait_until(lambda: "disconnected" in (rig.camera.fault or ""))
 
 
 def test_the_page_may_ask_for_a_camera_and_no_other_may(robot):
