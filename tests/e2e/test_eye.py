@@ -102,6 +102,7 @@ def test_a_phone_as_the_eye_reports_a_covered_lens_and_its_stop_is_obeyed(tmp_pa
         wait_until(is_released, "the page says that the stop is over")
         page.close()
         wait_until(
-            lambda: "disconnected" in (rig.camera.fault or ""), "the robot tells that its eye is gone"
+            lambda: "disconnected" in (rig.camera.fault or ""),
+            "the robot tells that its eye is gone",
         )
         assert complaints == []
