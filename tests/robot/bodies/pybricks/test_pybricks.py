@@ -135,7 +135,7 @@ def a_lost_hub_is_driven_again_and_not_replaced_by_its_twin(hub: FakeHub) -> Non
             hub.cut()
             assert "not answered" in error_while_driving(driver)
             wait_until(lambda: not hub.clients)
-            lost = ":01) was lost, and is not in range (another one is"
+            lost = ":01) was lost, and is not in range (another hub is"
             wait_until(lambda: lost in error_while_driving(driver))
             assert not twin.told and not twin.clients
             hub.is_in_reach = True
