@@ -25,8 +25,8 @@ _LONGEST_SAID = 300
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ` (did you mean 'x'?)` for the most similar known word; empty if none is similar."""
     near = difflib.get_close_matches(word, list(known), n=1)
-    # Two words with different first letters must be more similar to be suggested, so that
-    # `new-driver` is not suggested for `drive`.
+    # A word that begins with another letter must be more similar: for `drive`, `new-driver` is not
+    # suggested.
     if not near or (near[0][:1] != word[:1] and not difflib.get_close_matches(word, near, 1, 0.75)):
         return ""
     return f" (did you mean {near[0]!r}?)"

@@ -122,7 +122,7 @@ class _Joiner:
         for code, first in languages.items():
             name = f"{code}.js"
             later = self.add(f"js/later-{name}", self._later_messages(name))
-            # A file that the language lacks has an address, too: its sentences are in English.
+            # If a language lacks a file, the file's address gives the English sentences.
             for path in sorted((self._folder / "js").rglob("messages/en.js")):
                 module = path.with_name(name).relative_to(self._folder).as_posix()
                 addresses[module] = [_beside(first if module.count("/") < 4 else later)]

@@ -28,7 +28,7 @@ class Event(StrEnum):
     """What happened at a point of the trail."""
 
     ASKED = "asked"  # the robot did not know what to do
-    PUSHED = "pushed"  # the robot drove against an obstacle
+    PUSHED = "pushed"  # the robot drove into an obstacle
     CORRECTED = "corrected"  # the pilot took the wheel from the robot
 
 

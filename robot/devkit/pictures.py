@@ -83,7 +83,7 @@ def read_picture(data: bytes, name: str) -> Picture:
 def _decode_reduced(data: bytes, how: str) -> Pixels | None:
     """Decode a JPEG at a part of its width and height, rounded up; None if it cannot be decoded.
 
-    `how` is the end of the name of OpenCV's flag. For example, `GRAYSCALE_8` means grey, and an
+    `how` is the suffix of the name of an OpenCV flag: `GRAYSCALE_8` means grey, and an
     eighth of the size.
     """
     cv2 = need("cv2", "reading pictures", "camera")

@@ -123,7 +123,7 @@ def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
 
 
 def own_name(name: str) -> str:
-    """Return a name unchanged; of an absolute path, return only the last part. A tub that was moved
-    still contains its old paths, which may be of another operating system."""
+    """Return only the last part of an absolute path; return any other name unchanged. A tub
+    that was moved still contains its old paths, which may be of another operating system."""
     is_absolute = name.startswith(("/", "\\")) or re.match(r"[A-Za-z]:[\\/]", name)
     return re.split(r"[\\/]", name)[-1] if is_absolute else name

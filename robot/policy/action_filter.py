@@ -252,7 +252,7 @@ class ActionFilter(PolicyPart):
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
         if futile and not fruitful:
-            self._ask(seen.at_s)  # no other move was taught, or all are barred
+            self._ask(seen.at_s)  # no other move was taught, or all others are barred
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
         # Left and right turns share one context, so a context does not tell the side of a turn.
         is_proportional = seen.in_context and self._point is not None

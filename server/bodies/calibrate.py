@@ -125,7 +125,7 @@ def correction(measured: float, expected: float, unit: str) -> float:
         )
     if not 1 / LARGEST_CORRECTION < measured / expected < LARGEST_CORRECTION:
         raise ConfigurationError(
-            f"{measured:.3g} {unit} do not match the wheels, which measured {expected:.3g}; "
+            f"you measured {measured:.3g} {unit}, but the wheels measured {expected:.3g}; "
             "measure again"
         )
     return measured / expected

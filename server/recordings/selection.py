@@ -64,8 +64,8 @@ def find_id(store: EpisodeStore, name: str) -> str:
     typed = composed(name)
     found = [i for i in ids if i == name] or [i for i in ids if composed(i).startswith(typed)]
     if len(found) != 1:
-        what = "no episode" if not found else f"{len(found)} episodes"
-        raise NotFoundError(f"{what} of the name {name!r}; see: drivelesson episodes list")
+        what = "no episode matches" if not found else f"{len(found)} episodes match"
+        raise NotFoundError(f"{what} {name!r}; list the names with: drivelesson episodes list")
     return found[0]
 
 

@@ -1,4 +1,4 @@
-"""STOP works on every screen and under every finger, and nothing covers it."""
+"""STOP works on every screen of the page and with any finger, and nothing covers it."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def measure(n_seeds: int) -> dict[Cell, float]:
 
 
 def render(page: str, measured_ms: Mapping[Cell, float] | None = None) -> str:
-    """Return the page with new tables; without new figures, the tables keep the old figures."""
+    """Return the page with updated tables; if no new figures are given, they keep the old ones."""
     known = _figures(page) if measured_ms is None else measured_ms
 
     def row(first: str, name: str, columns: tuple[str, ...], last: str) -> str:

@@ -1,6 +1,7 @@
 """However the data folder is damaged, the server starts and drives, and reports moved files.
 
-When the folder disappears, like a stick that is pulled out, nothing is written below its path.
+If the folder disappears, for example because its USB stick was pulled out, nothing is written below
+the folder's path.
 """
 
 import contextlib

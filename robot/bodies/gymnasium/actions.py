@@ -213,7 +213,7 @@ def _numbers_in(space: Any, name: str, whose: str) -> Iterator[Number]:
     if np.size(least) > _MOST_NUMBERS:
         raise ConfigurationError(
             f"an action of {whose} has {np.size(least)} numbers, but the page can control at most "
-            f"{_MOST_NUMBERS}; write a wrapper for the environment that takes fewer numbers"
+            f"{_MOST_NUMBERS}; wrap the environment so that its actions have fewer numbers"
         )
     unit = name or ("button" if kind == "MultiBinary" else "axis")
     is_whole = kind != "Box" or not np.issubdtype(space.dtype, np.floating)

@@ -92,7 +92,7 @@ class Unwrapping:
         """Return the text once all parts have arrived; the order of arrival does not matter."""
         key, number, total = str(part["id"]), int(part["num"]), int(part["total"])
         if not 0 <= number < total <= _MOST_PARTS:
-            raise ValueError(f"a message cannot have part {number} of {total}")
+            raise ValueError(f"a message of {total} parts has no part {number}")
         parts = self._parts.pop(key, {})
         parts[number] = str(part["data"])
         if len(parts) == total:

@@ -122,7 +122,7 @@ def test_each_part_of_a_split_lasts_as_long_as_its_pictures(
     robot.start(Mode.AUTONOMOUS, 100)
     for scene in range(100, 240):
         robot.step(scene, None)
-    robot.undo(0.2)  # an undo that concerns the recording before
+    robot.undo(0.2)  # an undo of an example in the previous recording
     robot.stop()
     name = robot.finish()[1].stem
     ids = list(store.open(name).frames)

@@ -70,7 +70,7 @@ def test_learning_again_gives_the_nodes_of_driving_and_saves_them(episode_id, da
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        ("nobody", "no episode of the name"),
+        ("nobody", "no episode matches"),
         ("last --learner oracle", "oracle"),
         ("last --out a/b", "'a/b' is not a valid name"),
         ("last --out FILE/m.npz", "cannot write"),

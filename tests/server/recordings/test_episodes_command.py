@@ -125,7 +125,7 @@ def test_a_name_is_found_in_every_encoding_of_its_accents(episode_id, data, form
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        ("show nobody", "no episode of the name"),
+        ("show nobody", "no episode matches"),
         ("trim last --from 90 --to 91", "no pictures between"),
         ("delete", "name at least one episode"),
         ("delete last --all", "give only one of these"),
@@ -139,7 +139,7 @@ def test_a_name_is_found_in_every_encoding_of_its_accents(episode_id, data, form
         ("import /nowhere --name a/b", "'a/b' is not a valid name"),
         ("import /nowhere", "nowhere does not exist"),
         ("import /nowhere --threshold 7", "--threshold"),
-        ("play nobody", "no episode of the name"),
+        ("play nobody", "no episode matches"),
     ],
 )
 def test_what_cannot_be_done_is_reported_in_one_line(episode_id, words, complaint, say):
