@@ -340,7 +340,7 @@ def _action(record: Record, count: int) -> list[Any]:
 def _one_hot(record: Record, moves: list[Action | None]) -> Action | None:
     values = _action(record, len(moves))
     if set(values) - {0.0, 1.0} or values.count(1.0) > 1:
-        raise ValueError(f"the action {str(values)[:40]} must be 1 for one move, and 0 for others")
+        raise ValueError(f"the action {str(values)[:40]} may contain only zeros and a single 1")
     move = moves[values.index(1.0)] if 1.0 in values else None
     return None if move is Action.STOP else move
 

@@ -80,7 +80,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
 class RenewedCertificates:
     """A server's certificate, which is renewed if the server's names change or the clock is set.
 
-    New connections get the new certificate from the same `SSLContext`; open connections stay.
+    New connections get the new certificate from the same `SSLContext`; open ones keep the old.
     """
 
     def __init__(self, folder: Path, names: Sequence[str], now: dt.datetime) -> None:

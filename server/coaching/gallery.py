@@ -50,9 +50,9 @@ class Gallery:
         """Return a learned image, or its last version if it has been merged since.
 
         A client requests images from an earlier list, and each example can merge some of them; for
-        a merged image, its last version is the best answer. If nobody had listed the image before
-        the merge, return the image that was used last. Return None if no image ever had the number
-        `node`.
+        a merged image, its last version is the best answer. If no request had listed the image
+        before the merge, return the most recently used image. Return None if no image ever had the
+        number `node`.
         """
         await self.images()
         if node not in self._seen:

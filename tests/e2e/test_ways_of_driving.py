@@ -269,7 +269,7 @@ def test_a_game_pad_drives_until_it_is_unplugged_and_its_button_stops(
 
     def push() -> None:
         rest()
-        desktop.wait_for_timeout(200)  # a stick works once it has been at rest
+        desktop.wait_for_timeout(200)  # the page ignores a stick until it was at rest
         ahead()
 
     press_until(desktop, world, push, rest, lambda: world.action is Action.FORWARD)
