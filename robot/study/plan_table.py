@@ -103,7 +103,7 @@ def _check(name: str, value: Any) -> None:
         if not _LANGUAGE.fullmatch(code) or len(said) > _LONGEST_WORDS:
             raise ValueError(f"{name!r} has {code[:40]!r}, which is not a language; write {_TEXT}")
     if name == "moves" and (not value or Action.STOP in map(Action, value)):
-        raise ValueError("'moves' must name at least one move, but not 'stop'")
+        raise ValueError("'moves' must name at least one move, and never 'stop'")
     if name == "learner" and not is_learner_kind(kind := split_name(value)[0]):
         hint = did_you_mean(kind, learner_kinds())
         raise ValueError(

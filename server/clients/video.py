@@ -160,7 +160,7 @@ class VideoHub:
         if now_s - viewer.last_sent_s < _EARLY_SHARE * viewer.every_s:
             return
         window = viewer.window
-        # Viewers with an interval show many robots in small pictures, so they get the smaller one.
+        # A viewer with an interval shows many robots in small pictures, so the small size is sent.
         is_large = viewer.size.is_large and not viewer.every_s
         picture = self._pictures.get(is_large) or self._picture_of(frame, is_large)
         n_bytes = len(picture.data)

@@ -1,4 +1,4 @@
-"""The pictures and error messages of the cameras of a phone, a Raspberry Pi and OpenCV."""
+"""The pictures and error messages of three cameras: phone, Raspberry Pi, and OpenCV."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All drives at a path are found, among other files, at any depth, and in archives."""
+"""All recorded drives below a path are found, at any depth, in archives, and beside other files."""
 
 from __future__ import annotations
 

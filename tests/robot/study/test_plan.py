@@ -61,7 +61,7 @@ FAULTS = [
     ("{ teach = 6 }", "{ teech = 6 }", r"number 2, seconds: unknown field 'teech' \(did you"),
     ('name = "long"', 'name = "short"', r"the name 'short' is used for two conditions; give each"),
     (LESSON, '"forward", "Left!"', r"the plan: 'Left!' is not a valid name of a move"),
-    (LESSON, '"stop"', r"'moves' must name at least one move, but not 'stop'"),
+    (LESSON, '"stop"', r"'moves' must name at least one move, and never 'stop'"),
     ('world = "box"', "", r"\[\[condition\]\] number 1: 'world' is missing"),
     ('["yes", "no"]', '["yes"]', r"number 2: 'options' must be a list of 2 to 20 texts"),
     (CHOICE, 'kind = "scale"', r"unknown field 'options'; known:"),

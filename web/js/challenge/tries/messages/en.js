@@ -15,7 +15,7 @@ export default {
   'challenge.none': 'No try yet.',
   'challenge.no_way': 'This robot cannot tell how far it has driven, so there is no challenge for it.',
   'challenge.over': 'That was the last try. Start again for three more.',
-  'challenge.ended.time': 'The minute was over.',
+  'challenge.ended.time': 'The minute is up.',
   'challenge.ended.touched': 'You touched me.',
   'challenge.ended.bumped': 'I bumped into something.',
   'challenge.ended.asked': 'I did not know what to do.',

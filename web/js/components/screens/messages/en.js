@@ -30,7 +30,7 @@ export default {
   'settings.language': 'Language',
   'settings.hints': 'Show the hints again',
   'settings.keys': 'Keys',
-  'settings.keys_hint': 'Hold the arrows or WASD to drive. The space bar stops the robot. With a game controller, drive with the cross or the left stick; with “Proportional”, the triggers set the speed. B stops the robot.',
+  'settings.keys_hint': 'Hold the arrows or WASD to drive. The space bar stops the robot. With a game controller, drive with the D-pad or the left stick; with “Proportional”, the triggers set the speed. B stops the robot.',
   'settings.pads': 'Forget the directions you showed for game pads',
   'above.map': 'The world from above',
   'above.label': '! asked: {asked}, × bumped: {pushed}, ○ corrected: {corrected}',
