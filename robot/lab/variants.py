@@ -24,8 +24,8 @@ from robot.types import Action, Prediction
 
 
 class NoClock(ActionFilter):
-    """An action filter for comparison. The normal filter weakens turns that last too long, and this
-    one never does."""
+    """An action filter for comparison. Unlike the normal filter, this one never weakens a turn that
+    lasts too long."""
 
     def _watch(self, *seen: Any) -> float:
         super()._watch(*seen)

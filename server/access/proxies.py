@@ -51,7 +51,7 @@ class Proxies:
         self._public, self._trusted, self._admits_all = public, tuple(trusted), admits_all
 
     def see_through(self, scope: Scope) -> Scope | Refusal:
-        """Return the scope of the request that the client sent to the proxy, or a refusal of it."""
+        """Return the scope of the client's request to the proxy, or a response that refuses it."""
         said = _said(scope)
         if not self._public:
             if not said or not self._admits_all:

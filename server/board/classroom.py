@@ -141,8 +141,8 @@ class Classroom:
 
 
 def _load(file: Path | None) -> tuple[frozenset[str], str | None]:
-    """Read the locks and the id; the id is None if there is none yet. If the file is damaged,
-    everything is locked until the teacher unlocks it, and the id is empty."""
+    """Read the locks and the id; the id is None if there is none yet. If the file is damaged, the
+    id is empty, and everything is locked until the teacher unlocks it."""
     if file is None:
         return frozenset(), None
     try:

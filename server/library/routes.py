@@ -161,7 +161,7 @@ async def upload_model(request: Request, name: str) -> dict[str, str]:
 
 
 def library_of(request: Request) -> ModelLibrary:
-    """Return the library of the robot that got a request; 503 if nothing is saved."""
+    """Return the library of the robot that this request was sent to; 503 if it saves nothing."""
     kept = persistence_of(request)
     return ModelLibrary(kept.storage, kept.models, kept.autosave)
 

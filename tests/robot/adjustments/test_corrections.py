@@ -73,7 +73,7 @@ def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting):
 
 @crossed(mounting=WAYS[1:], encoding=list(Encoding), sides=[(7, 6), (1, 1), (6, 5), (0, 0)])
 def test_a_damaged_picture_is_passed_on_unturned(mounting, encoding, sides):
-    """The reader of a damaged picture reports the damage; the camera's thread must continue."""
+    """A damaged picture must not end the camera's thread; the code that reads it reports it."""
     width, height = sides
     for data in (b"", b"no picture", b"\xff\xd8\xff" + bytes(40)):
         taken = make_frame(data, encoding, width, height)

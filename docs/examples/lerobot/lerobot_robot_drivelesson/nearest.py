@@ -34,6 +34,6 @@ def nearest(asked: Mapping[str, float], points: Mapping[str, tuple[float, float]
         choice: dict[str | None, tuple[float, float]] = {None: STANDS, **on_the_spot}
     else:
         choice = dict(same_way)
-    # Clip values outside the range, so that they do not count as far from every move.
+    # Clip values to the range; otherwise they would seem distant from every move.
     at = max(-1.0, min(1.0, steering)), max(-1.0, min(1.0, throttle))
     return min(choice, key=lambda name: math.dist(choice[name], at))
